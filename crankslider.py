@@ -74,7 +74,7 @@ with _home_first():
         read_engine,
         read_scene,
     )
-    from studies.running.failures import BadInput, Failed
+    from studies.failures import BadInput, Failed
 
 __all__ = [
     "BadInput",

@@ -1,21 +1,20 @@
-"""Publishes results in few bytes, which stay the same while nothing but times has changed.
+"""Publishes results in few bytes.
 
 ``python -m reports.publication FOLDER RESULTS`` writes into FOLDER
 
-* ``results/STUDY/rows.jsonl.xz``: a row a line, in the order of what was run, without times, code and commit,
-  and with the digits that are certain; ``times.csv`` has the times and ``sidecar.json`` the rest;
+* ``results/STUDY.csv.xz``: a row a line, in the order of what was run, with the digits that are certain, and
+  ``results/facts.json``: set, code, commit, day, versions and machine of each study;
 * ``tables/NAME.csv`` and ``findings.json``: those of the page that these rows make;
 * in its ``README.md`` the answer with its ``figures``; and in that of the project what each engine costs.
 """
 
-import csv
 import json
 import lzma
 import math
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -25,20 +24,14 @@ import pandas as pd
 from reports.chapters.answer import LIMITS
 from reports.page import FINDINGS, Report, write_report
 from reports.parts import Table
-from reports.results import (
-    CURVES,
-    NO_RESULT,
-    NUMBER,
-    PUBLISHED_ROWS,
-    PUBLISHED_TIMES,
-    head_of,
-    rows_by_case,
-)
+from reports.results import ENDING, FACTS, head_of
 from reports.tables import markdown
+from studies import STUDIES
+from studies.store import Store
 
-#: Columns that are other at every run, and those that say no more than the code and the row itself.
-TIMES = ("solve_time_s", "build_time_s", "compile_time_s", "repeats")
-LEFT_OUT = ("case", "fingerprint", "study", "checksum", CURVES)
+#: Columns of times, and those that say no more than the file and the row itself.
+TIMES = ("solve_time_s", "build_time_s", "compile_time_s")
+LEFT_OUT = ("case", "study")
 #: Significant digits of a measured number, of a time and of an uncertainty; and of an error so many as are
 #: above a tenth of its uncertainty, but some.
 DIGITS, TIME_DIGITS, DOUBT_DIGITS, FEWEST = 6, 4, 3, 2
@@ -61,47 +54,46 @@ def publish(folder: Path, results: Path) -> None:
     """Write the rows of all studies in ``results`` into a folder, and what the page says of those in it.
 
     Raises:
-        NoResults, BrokenResults, Contradiction: as ``write_report`` does.
+        NoResults, BadInput, Contradiction: as ``write_report`` does.
     """
-    for study in sorted(path.parent for path in results.glob("*/rows.jsonl")):
-        write_study(study, folder / "results" / study.name)
+    made = folder / "results"
+    _renew(made, [])
+    with Store(results) as store:
+        facts = {study: write_study(store, study, made) for study in STUDIES}
+    (made / FACTS).write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
     with TemporaryDirectory() as name:
-        made = Path(name)
-        report = write_report(folder / "results", made)
-        shutil.copy(made / FINDINGS, folder)
-        _renew(folder / "tables", sorted((made / "tables").glob("*.csv")))
-        _renew(folder / "figures", [made / f"figures/{name}.svg" for name in FIGURES])
+        page = Path(name)
+        report = write_report(made, page)
+        shutil.copy(page / FINDINGS, folder)
+        _renew(folder / "tables", sorted((page / "tables").glob("*.csv")))
+        _renew(folder / "figures", [page / f"figures/{name}.svg" for name in FIGURES])
         tell(folder / "README.md", answer_of(report, folder / "tables"))
         tell(README, costs_of(report))
 
 
-def write_study(study: Path, folder: Path) -> None:
-    """Write a study's rows, their times and its sidecar; what says the same as before stays as it is."""
-    ended = [row for row in rows_by_case(study / "rows.jsonl").values() if row["status"] not in NO_RESULT]
-    rows = sorted(ended, key=lambda row: json.dumps(head_of(row), sort_keys=True))
-    lines = [json.dumps(certain(row), separators=(",", ":"), ensure_ascii=False) + "\n" for row in rows]
-    content = lzma.compress("".join(lines).encode(), preset=9 | lzma.PRESET_EXTREME)
-    sidecar = json.loads((study / "sidecar.json").read_text(encoding="utf-8"))
-    sidecar = {name: value for name, value in sidecar.items() if name not in ("rows", "checksum")}
-    folder.mkdir(parents=True, exist_ok=True)
-    if not _same(folder, content, sidecar):
-        (folder / PUBLISHED_ROWS).write_bytes(content)
-        (folder / "sidecar.json").write_text(json.dumps(sidecar, indent=2) + "\n", encoding="utf-8")
-    _write_times(folder / PUBLISHED_TIMES, rows)
+def write_study(store: Store, study: str, folder: Path) -> dict[str, Any]:
+    """Write a study's rows and return where they come from."""
+    rows, facts = store.results(study)
+    told = [certain(row) for row in sorted(rows, key=lambda row: json.dumps(head_of(row), sort_keys=True))]
+    content = pd.DataFrame(told).to_csv(index=False, lineterminator="\n").encode()
+    (folder / f"{study}{ENDING}").write_bytes(lzma.compress(content, preset=9 | lzma.PRESET_EXTREME))
+    return facts
 
 
 def certain(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a row says of its run but times and code, with the digits that are certain."""
+    """Return what a row says of its run, with the digits that are certain."""
     head, kept = head_of(row), dict[str, Any]()
     for name, value in row.items():
         if name in head or not isinstance(value, float):
             kept[name] = value
+        elif name in TIMES:
+            kept[name] = rounded(value, TIME_DIGITS)
         elif "_uncertainty_" in name:
             kept[name] = rounded(value, DOUBT_DIGITS)
         else:
             doubt = row.get(name.replace("_error_", "_uncertainty_")) if "_error_" in name else None
             kept[name] = rounded(value, _digits(value, doubt))
-    return {name: value for name, value in kept.items() if name not in (*LEFT_OUT, *TIMES)}
+    return {name: value for name, value in kept.items() if name not in LEFT_OUT}
 
 
 def _digits(value: float, doubt: object) -> int:
@@ -114,32 +106,6 @@ def _digits(value: float, doubt: object) -> int:
 def rounded(value: float, digits: int) -> float:
     """Return a number with so many significant digits."""
     return float(f"{value:.{digits}g}")
-
-
-def _same(folder: Path, content: bytes, sidecar: Mapping[str, Any]) -> bool:
-    """Return whether a folder has these rows, of any day and commit of the same code and machine."""
-    try:
-        before = json.loads((folder / "sidecar.json").read_text(encoding="utf-8"))
-        rows = (folder / PUBLISHED_ROWS).read_bytes()
-    except OSError:
-        return False
-    same = all(before.get(name) == value for name, value in sidecar.items() if name not in ("commit", "date"))
-    return rows == content and same and before.keys() == sidecar.keys()
-
-
-def _write_times(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write the times of the rows that have some, by their numbers; without any there is no file."""
-    names = [name for name in TIMES if any(name in row for row in rows)]
-    path.unlink(missing_ok=True)
-    if not names:
-        return
-    with path.open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow([NUMBER, *names])
-        for n, row in enumerate(rows):
-            times = [f"{row[name]:.{TIME_DIGITS}g}" if name in row else "" for name in names]
-            if any(times):
-                table.writerow([n, *times])
 
 
 def _renew(folder: Path, files: Iterable[Path]) -> None:

@@ -1,1 +1,21 @@
-"""Scripted comparisons of the engines, and the command line."""
+"""Studies: comparisons of engines, each a module that says what is run and measures it."""
+
+#: The studies by name. On a machine without kernels the first case compiles those of the reference solution;
+#: the second study asks for none, so that no other process waits for it (see ``runner``).
+STUDIES = {
+    "agreement": "studies.agreement",
+    "energy": "studies.energy",
+    "clearance": "studies.clearance",
+    "predictability": "studies.predictability",
+    "work-precision": "studies.work_precision.study",
+    "stability": "studies.stability",
+    "extremes": "studies.extremes",
+    "motions": "studies.motions",
+}
+#: Studies of one scene of the user's, which commands of their own run.
+OF_ONE_SCENE = {"comparison": "studies.comparison.study", "sweep": "studies.sweeps.measure"}
+
+
+def study_module(name: str) -> str:
+    """Return the import path of a study's module; a study without a name here is named by that path."""
+    return {**STUDIES, **OF_ONE_SCENE}.get(name, name)

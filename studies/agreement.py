@@ -8,11 +8,11 @@ from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.parts import AnyScene
+from studies.case import Case, Curves, Row
 from studies.judges.comparison import compared, judged
 from studies.judges.converged_truth import REFERENCE
 from studies.judges.metrics import conserved
 from studies.ladders import QUICK_IDEAL, by_tolerance
-from studies.running.case import Case, Curves, Row
 
 SAMPLES = 200
 #: Steps per sample interval, each a half of the one before, and those of the quick set.

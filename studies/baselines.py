@@ -17,13 +17,13 @@ from engine_models import arms
 from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
+from studies.case import Case
+from studies.failures import BadInput, Failed, note, progress_console, writing
 from studies.judges.comparison import Judged, compared, judged
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
 from studies.judges.metrics import energy_balance_residual_J, is_force, sizes
-from studies.running.case import Case
-from studies.running.failures import BadInput, Failed, note, progress_console, writing
-from studies.running.processes import Processes
-from studies.running.whole_file import write_whole
+from studies.whole_file import write_whole
+from studies.workers import Ended, Pool
 
 FOLDER, FILE = Path(__file__).parent, "baselines.csv"
 RUN = ["scene", "engine", "configuration", "setting"]
@@ -117,9 +117,12 @@ def _peak_error_N(result: Judged) -> float:
 def measure_all(engines: Collection[str] = arms.NAMED) -> pd.DataFrame:
     """Return the table of some engines' runs, with the order at which errors of smooth motion fall."""
     todo = list(cases(engines))
-    with Processes(os.cpu_count() or 1) as pool:
-        done = track(pool.map(measure, todo), "baselines", len(todo), console=progress_console())
-        table = pd.DataFrame([row for row in done if row], columns=[*RUN, *FLOORS])
+    with Pool(os.cpu_count() or 1) as pool:
+        done = track(pool.results(measure, todo), "baselines", len(todo), console=progress_console())
+        rows = {case.key: row for case, row in done}
+    if broken := [row for row in rows.values() if isinstance(row, Ended)]:
+        raise Failed(str(broken[0]))
+    table = pd.DataFrame([row for case in todo if (row := rows[case.key])], columns=[*RUN, *FLOORS])
     smooth = table[table["scene"].str.startswith("ideal") & table["setting"].str.startswith("step")]
     for _, series in smooth.groupby(RUN[:3]):
         coarse, fine = series.index[0], series.index[-1]

@@ -10,6 +10,7 @@ from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import observed_m
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES
 from engine_models.scene.parts import AnyScene
+from studies.case import Case, Curves, Row
 from studies.judges.comparison import Judged, compared, judged
 from studies.judges.converged_truth import (
     converged,
@@ -27,7 +28,6 @@ from studies.judges.impact_matching import (
 )
 from studies.judges.metrics import COVERAGE, conserved, errors
 from studies.ladders import QUICK_LOOSE, ladder
-from studies.running.case import Case, Curves, Row
 
 #: How far each scene is followed in s: to its horizon (see ``converged_truth.followed``), where it has one.
 #: What settles to continuous contact has none in ten revolutions and is followed for three; the pendulum for

@@ -12,6 +12,7 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.energy import energy_in_play_J
 from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
+from studies.case import Case, Curves, Row
 from studies.judges.energy_ledger import constraint_speed_m_s, ledger
 from studies.judges.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
 from studies.judges.metrics import (
@@ -21,7 +22,6 @@ from studies.judges.metrics import (
     numerical_gain_J,
 )
 from studies.ladders import speeds_rad_s
-from studies.running.case import Case, Curves, Row
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,9 @@ from engine_models.scene.data import Kind
 from engine_models.scene.file import SceneError, from_toml
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Clearances, Scene
+from studies.case import Case, Curves, Row, Value
 from studies.judges.converged_truth import converged, followed
 from studies.judges.metrics import checked, constraint_violation_m, finite
-from studies.running.case import Case, Curves, Row, Value
-from studies.running.execution import Limits
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -44,7 +43,7 @@ Wanted = Literal["answer", "answer or word", "refusal", "stop"]
 #: The cases as data.
 GALLERY = Path(__file__).with_name("gallery.toml")
 #: What a run may take. A kernel's compilation counts.
-LIMITS = Limits(time_limit_s=120.0, memory_limit_bytes=2 * 2**30)
+LIMIT_S = 120.0
 #: A run is right within this part of the truth, with an energy ledger closed to this part of the energy in
 #: play and constraints kept to this part of the crank's length. Beyond ten times one of these it is wrong.
 RIGHT = {"relative_error": 1e-3, "unaccounted_energy_part": 1e-2, "constraint_relative": 1e-3}
@@ -146,7 +145,7 @@ def _case(place: int, extreme: Extreme, arm: Arm) -> Case:
         "nonsense_factor": NONSENSE,
     }
     run = RunSettings(step, extreme.samples)
-    return Case("extremes", scene, arm, run, limits=LIMITS, columns=columns)
+    return Case("extremes", scene, arm, run, limit_s=LIMIT_S, columns=columns)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

@@ -15,11 +15,11 @@ from engine_models.mechanics.samples import selected
 from engine_models.scene.library import SCENES
 from engine_models.scene.parts import LINEAR_LAWS
 from engine_models.scene.scene import ContactLaw, Scene
+from studies.case import Case, Curves, Row
 from studies.command.trajectory_table import sample_columns
 from studies.judges.comparison import compared, judged
 from studies.judges.metrics import conserved
 from studies.ladders import ladder
-from studies.running.case import Case, Curves, Row
 
 #: The scene whose first impact is shown, from shortly before its touch at 227 us to after its release, in
 #: samples of half a microsecond; and the restitution at which laws are told apart.

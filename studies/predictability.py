@@ -16,11 +16,11 @@ from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES, clearance, ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
+from studies.case import Case, Curves, Row, Value
 from studies.judges import horizon
 from studies.judges.kinds import turns_steadily
 from studies.judges.metrics import checked
 from studies.ladders import Rung
-from studies.running.case import Case, Curves, Row, Value
 from studies.sweeps.measure import summary
 
 NAME, HORIZON = "predictability", "horizon"

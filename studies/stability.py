@@ -20,11 +20,9 @@ from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.mechanics.states import observed_m
 from engine_models.scene.library import BEARING_RADIUS_M, STEEL_PA, STEEL_POISSON, ideal_driven
 from engine_models.scene.scene import Clearance, Clearances, Scene
+from studies.case import Case, Curves, Row, ended
 from studies.judges.converged_truth import converged, followed
 from studies.judges.metrics import checked, constraint_violation_m, energy_balance_residual_J, finite
-from studies.running.case import Case, Curves, Row
-from studies.running.execution import Limits
-from studies.running.outcome import ended
 
 RK4, EULER, TRAPEZOIDAL, ALPHA = "RK4", "semi-implicit Euler", "trapezoidal", "generalized-alpha"
 #: The omega h from which on a method's undamped motion grows; others have no limit.
@@ -42,7 +40,7 @@ ARMS: tuple[tuple[Arm, str | None], ...] = (
     (arms.SCIPY_DOP853, None),
 )
 #: What a cell may take. A kernel's compilation counts.
-LIMITS = Limits(time_limit_s=120.0, memory_limit_bytes=4 * 2**30)
+LIMIT_S = 120.0
 
 END_S, SAMPLES = 0.002, 20
 #: Steps per sample of the maps: 1e-4 s to 1e-6 s, and to 2e-7 s in the full set.
@@ -100,7 +98,7 @@ def cases(full: bool) -> list[Case]:
                 continue
             for count in FINE if full else COARSE:
                 run = RunSettings(scene.end_time_s / (SAMPLES * count), SAMPLES)
-                out.append(Case("stability", scene, arm, run, limits=LIMITS, columns=columns))
+                out.append(Case("stability", scene, arm, run, limit_s=LIMIT_S, columns=columns))
     return out
 
 
@@ -163,13 +161,13 @@ def measure(case: Case) -> tuple[Row, Curves]:
     try:
         own = engine.twin(case.scene)
     except UnsupportedScene as refusal:
-        return {**ended("unsupported", refusal), **_verdict(REFUSED, str(refusal))}, {}
+        return {**ended(case, "unsupported", refusal), **_verdict(REFUSED, str(refusal))}, {}
     with np.errstate(all="ignore"):  # an overflow has its verdict and needs no warning
         truth, _ = converged(own, case.run.samples)
         try:
             run = engine.simulate(case.scene, case.run)
         except (SimulationFailed, OverflowError) as failure:
-            return {**ended("failed", failure), **_verdict(DIVERGED, str(failure))}, {}
+            return {**ended(case, "failed", failure), **_verdict(DIVERGED, str(failure))}, {}
         energy = float(str(case.columns["impact_energy_J"]))
         found = judged(case.plain_scene, run, truth, followed(own, case.run.samples), energy)
     return {"steps": run.steps, "mean_step_s": case.scene.end_time_s / run.steps, **found}, {}

@@ -378,4 +378,4 @@ def limits(studies: Studies) -> Iterator[Finding]:
 
 def machine(results: Results) -> str:
     """Return the processor that a study was run on."""
-    return str((results.sidecar or {}).get("machine", {}).get("processor") or "not on record")
+    return str(results.facts.get("machine", {}).get("processor") or "not on record")

@@ -14,7 +14,7 @@ from reports.page.claims import FINDINGS, write_claims
 from reports.page.contents import CHAPTERS
 from reports.page.figures import write_figure
 from reports.parts import Figure, Finding, Studies, Table
-from reports.results import BrokenResults, NoResults, Results, read_study
+from reports.results import NoResults, Results, read_study
 from reports.style import ENGINES, RC
 from reports.tables import comma_separated
 
@@ -60,7 +60,7 @@ def write_report(results: Path, folder: Path) -> Report:
 
     Raises:
         NoResults: no study in ``results`` has rows; then there is no folder.
-        BrokenResults: a study's files cannot be read.
+        BadInput: a file cannot be read.
         Contradiction: a finding is not true of the results.
     """
     studies, missing = _read(results)
@@ -77,7 +77,7 @@ def write_report(results: Path, folder: Path) -> Report:
                 texts = chapter.name, chapter.title, chapter.introduction
                 made = chapter.findings(of), chapter.figures(of), chapter.tables(of)
                 parts.append(_write_part(folder, texts, *made))
-    notes = [note for each in studies.values() for note in each.notes]
+    notes = [f"{name}: {each.note}" for name, each in studies.items() if each.note]
     if bare := [name for name, each in studies.items() if not each.has_curves]:
         notes.append(
             f"no time histories beside the rows of {', '.join(bare)}: figures over time are left out"
@@ -104,10 +104,7 @@ def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
     studies, missing = {}, {}
     for study in dict.fromkeys(name for chapter in CHAPTERS for name in chapter.studies):
         try:
-            found = studies[study] = read_study(folder / study)
-            if others := set(found.rows.get("study", ())) - {study}:
-                came = ", ".join(map(str, others))
-                raise BrokenResults(f"{found.folder}: expected rows of the study {study}, got of {came}")
+            studies[study] = read_study(folder, study)
         except NoResults as reason:
             missing[study] = str(reason)
     if not studies:
@@ -132,7 +129,7 @@ def _write_part(
 
 def is_full(studies: Studies) -> bool:
     """Return whether rows of the full set are among the results."""
-    return any((results.sidecar or {}).get("set") == "full" for results in studies.values())
+    return any(results.facts.get("set") == "full" for results in studies.values())
 
 
 def _write_page(
@@ -172,13 +169,16 @@ def _numbers(parts: Iterable[Part]) -> dict[tuple[str, str], int]:
 
 def _versions(studies: Studies) -> dict[str, str]:
     """Return the versions of Python and of packages that the results were made with."""
-    sidecars = [results.sidecar or {} for results in studies.values()]
-    return {name: version for each in sidecars for name, version in each.get("versions", {}).items()}
+    return {
+        name: version
+        for results in studies.values()
+        for name, version in results.facts.get("versions", {}).items()
+    }
 
 
 def facts(studies: Studies) -> dict[str, str]:
     """Return what the head says: set, commit, date, processor, engines."""
-    sidecars = [results.sidecar for results in studies.values() if results.sidecar]
+    of_all = [results.facts for results in studies.values()]
 
     def told(of: Iterable[Any]) -> str:
         return ", ".join(dict.fromkeys(str(each) for each in of if each)) or "not on record"
@@ -186,9 +186,9 @@ def facts(studies: Studies) -> dict[str, str]:
     versions = _versions(studies)
     engines = [f"{name} {versions[name]}" for name in ENGINES if name in versions]
     return {
-        "set": told(each.get("set") for each in sidecars),
-        "commit": told(str(each.get("commit"))[:8] for each in sidecars),
-        "date": told(each.get("date") for each in sidecars),
-        "processor": told(each.get("machine", {}).get("processor") for each in sidecars),
+        "set": told(each.get("set") for each in of_all),
+        "commit": told(str(each.get("commit"))[:8] for each in of_all),
+        "date": told(each.get("date") for each in of_all),
+        "processor": told(each.get("machine", {}).get("processor") for each in of_all),
         "engines": ", ".join(["reference", *engines]),
     }

@@ -16,8 +16,7 @@ FINDINGS = "findings.json"
 def write_claims(findings: Mapping[str, Iterable[Finding]], studies: Studies, folder: Path) -> None:
     """Write the findings of every chapter, by its name, and of which set and commit each study's rows are."""
     origins = {
-        name: {key: (results.sidecar or {}).get(key) for key in ("set", "commit")}
-        | {"runs": len(results.rows)}
+        name: {key: results.facts.get(key) for key in ("set", "commit")} | {"runs": len(results.rows)}
         for name, results in studies.items()
     }
     claims = [

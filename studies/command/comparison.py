@@ -16,22 +16,21 @@ from reports.comparison.page import page
 from reports.comparison.sentences import not_run, sentences
 from reports.comparison.standing import Standings, standings_table
 from reports.results import Results, read_study
+from studies.case import Case, provenance
 from studies.command.finished_run import Run
 from studies.comparison.question import Question, asked
-from studies.comparison.study import LIMITS, LIMITS_OF_TRUTH, NAME, cases
-from studies.running.case import Case
-from studies.running.execution import CaseEnded
-from studies.running.failures import BadInput, Failed, progress_console, writing
-from studies.running.processes import Processes
-from studies.running.provenance import fingerprint
-from studies.running.runner import lent, run_study
-from studies.running.whole_file import write_whole
+from studies.comparison.study import LIMIT_S, NAME, TRUTH_LIMIT_S, cases
+from studies.failures import BadInput, Failed, progress_console, writing
+from studies.runner import run_cases
+from studies.store import Store
+from studies.whole_file import write_whole
+from studies.workers import Ended, Pool
 
 if TYPE_CHECKING:
     import pandas as pd
 
-#: The subfolder of the rows, and the output intervals of the run that is shown.
-ROWS, SHOWN_SAMPLES = "runs", 400
+#: The output intervals of the run that is shown.
+SHOWN_SAMPLES = 400
 
 
 @dataclass(frozen=True)
@@ -113,35 +112,27 @@ def comparison(scene: AnyScene, given: str, engines: Collection[str], folder: Pa
         BadInput: the scene has no reference solution, or no engine can run it.
         Failed: the reference solution was not found, or no engine finished.
     """
-    pool = Processes(os.cpu_count() or 1)
-    with pool:
-        try:
-            found = {_key(case): case for case in cases(scene, _question(scene, pool), engines)}
-            run_study(NAME, list(found.values()), folder / ROWS, lent(pool), lent(pool))
-            results = _of(read_study(folder / ROWS), found)
-            standings = Standings.of(results.rows)
-            _require_a_run(standings)
-            chosen = standings.chosen
-            run = _shown(found[str(standings.rows["case"][chosen.row])], pool) if chosen else None
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    with Pool(os.cpu_count() or 1) as pool, Store(folder) as store, store.held():
+        found = {case.key: case for case in cases(scene, _question(scene, pool), engines)}
+        store.describe(NAME, provenance(False, found.values()))
+        run_cases({NAME: list(found.values())}, store, pool)
+        results = _of(read_study(folder, NAME), found)
+        standings = Standings.of(results.rows)
+        _require_a_run(standings)
+        chosen = standings.chosen
+        run = _shown(found[str(standings.rows["case"][chosen.row])], pool) if chosen else None
     return Comparison(scene, results, run, given)
 
 
-def _question(scene: AnyScene, pool: Processes) -> Question:
+def _question(scene: AnyScene, pool: Pool) -> Question:
     try:
         with progress_console().status(f"reference solution of {scene.name}"):
-            return pool.submit_within(LIMITS_OF_TRUTH, asked, scene).result()
+            return pool.run(asked, scene, limit_s=TRUTH_LIMIT_S)
     except UnsupportedScene as reason:
         expected = "a scene that has a reference solution"
         raise BadInput(f"SCENE: expected {expected}, got {scene.name}: {reason}") from None
-    except (SimulationFailed, CaseEnded) as reason:
+    except (SimulationFailed, Ended) as reason:
         raise Failed(f"the reference solution of {scene.name} was not found: {reason}") from None
-
-
-def _key(case: Case) -> str:
-    return case.key(fingerprint(case.study, case.engine))
 
 
 def _of(results: Results, found: Collection[str]) -> Results:
@@ -160,14 +151,14 @@ def _require_a_run(standings: Standings) -> None:
     raise Failed(f"no engine finished a run of this scene: {reasons}")
 
 
-def _shown(case: Case, pool: Processes) -> Run | None:
+def _shown(case: Case, pool: Pool) -> Run | None:
     """Return the run of a case with more samples, None if that fails."""
     step_s = case.run.step_used_s(case.scene.end_time_s)
     run = RunSettings(step_s, SHOWN_SAMPLES)
     engine = make_engine(case.engine, **case.settings)
     try:
-        trajectory = pool.submit_within(LIMITS, _simulated, engine, case.scene, run).result()
-    except (UnsupportedScene, SimulationFailed, CaseEnded):
+        trajectory = pool.run(_simulated, engine, case.scene, run, limit_s=LIMIT_S)
+    except (UnsupportedScene, SimulationFailed, Ended):
         return None
     return Run(case.scene, case.engine, engine, None, trajectory, ())
 

@@ -19,8 +19,8 @@ from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown
 from studies.command.options import as_arguments, film_ending
 from studies.command.trajectory_table import impact_columns, sample_columns
-from studies.running.failures import BadInput, writing
-from studies.running.whole_file import require_place, write_whole
+from studies.failures import BadInput, writing
+from studies.whole_file import require_place, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,7 +9,7 @@ from engine_models.engine import UnsupportedScene
 from engine_models.engines import ENGINES, engine_class, make_engine
 from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.plain_words import expectation, fields, meant, one_of, shown
-from studies.running.failures import BadInput
+from studies.failures import BadInput
 
 #: Longest text of the values of a setting, and of its description, in characters.
 LONGEST_CHOICE, LONGEST_CLAUSE = 60, 100

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Exit, Option, Typer
 
-from studies.running import failures
-from studies.running.registry import STUDIES
+from studies import STUDIES, failures
 
 if TYPE_CHECKING:
     from studies.command.finished_run import Run
@@ -325,19 +324,19 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Run studies; finished cases are saved and skipped the next time."""
+    from studies.cluster import Cluster
     from studies.command.options import RunOptions, checked
     from studies.command.study_run import joined, require_studies, running_in
-    from studies.running.cluster import cluster
-    from studies.running.runner import run_studies
+    from studies.runner import run_studies
 
     require_studies(studies or [])
     joined(engines or [])
     options = checked(RunOptions, "--", {"jobs": str(os.cpu_count() or 1) if jobs is None else jobs})
-    executors = nullcontext() if scheduler is None else cluster(scheduler)
+    workers = nullcontext() if scheduler is None else Cluster(scheduler)
     with failures.quietly(quiet):
         names = list(dict.fromkeys(studies or STUDIES))
-        with executors as executor, running_in(out):
-            run_studies(names, full, options.jobs, out, executor, retry_failed, engines or ())
+        with workers as cluster, running_in(out):
+            run_studies(names, full, options.jobs, out, cluster, retry_failed, engines or ())
         failures.note(f"the results are in {out}")
 
 
@@ -397,7 +396,7 @@ def conform(
     from studies.baselines import compare_or_accept, read
     from studies.command.options import read_engine
     from studies.conformance.verdicts import count, summary, verdicts
-    from studies.running.whole_file import require_folder
+    from studies.whole_file import require_folder
 
     try:
         of = read_engine(engine, {})
@@ -459,9 +458,7 @@ def report(
     """Write the HTML page, its figures as SVG and its tables as CSV from results, and print the answer."""
     from reports.page import compare_claims, read_claims, require_replaceable, write_report
     from reports.parts import Contradiction
-    from reports.results import BrokenResults, NoResults
-    from studies.running.folder_lock import FolderHeld
-    from studies.running.whole_file import require_folder, whole_folder
+    from studies.whole_file import require_folder, whole_folder
 
     try:
         before = None if against is None else read_claims(against)
@@ -473,10 +470,6 @@ def report(
             require_replaceable(out)
             with whole_folder(out) as new:
                 made = write_report(results, new)
-    except FolderHeld as reason:
-        raise failures.BadInput(f"--out: expected {reason}") from None
-    except (NoResults, BrokenResults) as reason:
-        raise failures.BadInput(f"--results: expected the results of a study, got '{reason}'") from None
     except Contradiction as reason:
         raise failures.Failed(str(reason)) from None
     with failures.quietly(quiet):

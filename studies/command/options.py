@@ -18,7 +18,7 @@ from engine_models.scene.file import SceneError, load, sources
 from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import expect, fields, meant, no_numbers, one_of, refusal, shown, typed
-from studies.running.failures import BadInput
+from studies.failures import BadInput
 
 if sys.version_info >= (3, 11):
     import tomllib

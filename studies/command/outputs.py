@@ -18,8 +18,8 @@ from studies.command.finished_run import Run
 from studies.command.options import PICTURES, FilmOptions, checked, ending_of, film_ending, is_source
 from studies.command.progress_display import shown_progress
 from studies.command.trajectory_table import impact_columns, sample_columns
-from studies.running.failures import BadInput, writing
-from studies.running.whole_file import require_place, whole_file, write_through
+from studies.failures import BadInput, writing
+from studies.whole_file import require_place, whole_file, write_through
 
 Columns = Mapping[str, NDArray[Any]]
 

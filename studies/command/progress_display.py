@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from threading import Event, Thread
 
 from engine_models.progress import told_to
-from studies.running.failures import is_quiet, note, progress_console
+from studies.failures import is_quiet, note, progress_console
 
 #: Time before the bar appears, time between its updates, and time between lines, in s.
 DELAY_S, REFRESH_S, LINE_S = 1.5, 0.2, 30.0

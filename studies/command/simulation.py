@@ -18,7 +18,7 @@ from engine_models.reference.inspection import inspect
 from engine_models.scene.parts import AnyScene
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions, longest_step_s
-from studies.running.failures import BadInput, Failed
+from studies.failures import BadInput, Failed
 
 
 def simulated(scene: AnyScene, engine_name: str, engine: Engine, options: SimulateOptions) -> Run:

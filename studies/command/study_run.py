@@ -7,12 +7,10 @@ from pathlib import Path
 from engine_models.engines import join
 from engine_models.kernels import KernelsRefused, writable_folder
 from engine_models.scene.plain_words import meant, one_of, shown
+from studies import STUDIES
 from studies.command.options import read_engine
-from studies.running.failures import BadInput, terminated_as_interrupted, writing
-from studies.running.finished_cases import DamagedRows
-from studies.running.folder_lock import FolderHeld
-from studies.running.registry import STUDIES
-from studies.running.whole_file import require_folder
+from studies.failures import BadInput, terminated_as_interrupted, writing
+from studies.whole_file import require_folder
 
 
 def joined(engines: Sequence[str]) -> None:
@@ -47,5 +45,3 @@ def running_in(out: Path) -> Iterator[None]:
             yield
     except KernelsRefused as reason:
         raise BadInput(str(reason)) from None
-    except (FolderHeld, DamagedRows) as reason:
-        raise BadInput(f"--out: expected {reason}") from None

@@ -1,6 +1,5 @@
 """Input of ``crankslider sweep``, checked before anything runs, the run of its members, and the result."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -19,17 +18,17 @@ from engine_models.scene.arguments import check_arguments
 from engine_models.scene.data import NonNegative, Positive, SceneError
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import meant, one_of, shown
+from studies.case import Case, Row, provenance
+from studies.cluster import Cluster
 from studies.command.options import DEFAULT_STEP_S, PICTURES, as_arguments, ending_of, read_engine
 from studies.command.study_run import running_in
-from studies.running.case import Case, Row
-from studies.running.cluster import cluster
-from studies.running.failures import BadInput, writing
-from studies.running.processes import Processes
-from studies.running.provenance import fingerprint
-from studies.running.runner import lent, run_study
-from studies.running.whole_file import require_place, write_whole
+from studies.failures import BadInput, writing
+from studies.runner import run_cases
+from studies.store import Store
 from studies.sweeps.measure import NAME, VARIED, member
 from studies.sweeps.members import Draw, drawn, values_of
+from studies.whole_file import require_place, write_whole
+from studies.workers import Pool
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -188,25 +187,25 @@ def run_sweep(sweep: Sweep, path: Path, jobs: int, scheduler: str | None = None)
         Failed: no member can go on.
     """
     folder = path.with_name(f"{path.name}.rows")
-    with Processes(jobs) as pool, writing("--out", path):
+    with Pool(jobs) as pool, writing("--out", path):
         require_place(path)
-        executors = nullcontext(lent(pool)) if scheduler is None else cluster(scheduler)
-        with running_in(folder), executors as executor:
-            run_study(NAME, list(sweep.cases), folder, executor)
-            frame = _frame(sweep, (folder / "rows.jsonl").read_text(encoding="utf-8"))
+        workers = nullcontext(pool) if scheduler is None else Cluster(scheduler)
+        with running_in(folder), workers as anywhere, Store(folder) as store, store.held():
+            store.describe(NAME, provenance(False, sweep.cases))
+            run_cases({NAME: sweep.cases}, store, anywhere)
+            frame = _frame(sweep, store.results(NAME)[0])
             csv = path.suffix.lower() == ".csv"
             content = frame.to_csv(index=False).encode("utf-8") if csv else frame.to_parquet(index=False)
             write_whole(path, content)
     return Swept(path, frame, sweep)
 
 
-def _frame(sweep: Sweep, lines: str) -> "pd.DataFrame":
-    """Return the rows of members, in their order, from the lines of all rows that are kept."""
+def _frame(sweep: Sweep, rows: Sequence[Row]) -> "pd.DataFrame":
+    """Return the rows of members, in their order, from all rows that are kept."""
     import pandas as pd
 
-    rows = {row["case"]: row for row in map(json.loads, lines.splitlines())}
-    code = fingerprint(NAME, sweep.cases[0].engine)
-    of_run = pd.DataFrame([rows[case.key(code)] for case in sweep.cases])
+    by_case = {row["case"]: row for row in rows}
+    of_run = pd.DataFrame([by_case[case.key] for case in sweep.cases])
     head = {"member": range(len(of_run))} | {name: of_run[VARIED + name] for name in sweep.fields}
     ends = {name: of_run.get(name) for name in ENDS}
     others = {*sweep.cases[0].head(), *ENDS, *OF_ROWS}

@@ -24,9 +24,9 @@ from engine_models.scene.scene import Scene
 from studies import clearance
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions
+from studies.failures import BadInput, Failed
 from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, followed, solved, truth_by
 from studies.judges.metrics import COVERAGE
-from studies.running.failures import BadInput, Failed
 
 #: Samples that are published, and digits: two more than the most accurate slider position has.
 SAMPLES, DIGITS = 120, "%.14g"

@@ -10,10 +10,9 @@ from engine_models import arms
 from engine_models.engine import RunSettings
 from engine_models.scene.parts import AnyScene
 from studies import agreement, clearance
+from studies.case import Case, Curves, Row, Value
 from studies.comparison.question import Question
 from studies.ladders import Rung, configurations, ladder
-from studies.running.case import Case, Curves, Row, Value
-from studies.running.execution import Limits
 from studies.work_precision import study as work_precision
 
 NAME = "comparison"
@@ -22,9 +21,9 @@ SAMPLES = 60
 ROUNDS = 3
 AS_THEY_COME = (arms.EXUDYN, arms.SCIPY)
 #: A run that takes longer would not be recommended. A kernel's compilation counts.
-LIMITS = Limits(time_limit_s=60.0, memory_limit_bytes=4 * 2**30)
+LIMIT_S = 60.0
 #: What the truth may take, which is found before any run is made.
-LIMITS_OF_TRUTH = Limits(time_limit_s=300.0, memory_limit_bytes=8 * 2**30)
+TRUTH_LIMIT_S = 300.0
 
 
 def cases(scene: AnyScene, question: Question, engines: Collection[str]) -> list[Case]:
@@ -49,7 +48,7 @@ def _case(scene: AnyScene, question: Question, rung: Rung, samples: int, **timed
     run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
     judged: Row = {"judged_by": question.column, "wanted_error": question.wanted}
     columns = {**judged, "motion_alone": arms.gives_motion_alone(rung.arm), **timed}
-    return Case(NAME, scene, rung.arm, run, rung.added, timed=bool(timed), limits=LIMITS, columns=columns)
+    return Case(NAME, scene, rung.arm, run, rung.added, timed=bool(timed), limit_s=LIMIT_S, columns=columns)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

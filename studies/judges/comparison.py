@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from engine_models.engine import ROUNDING, Engine, RunSettings, Trajectory
 from engine_models.mechanics.samples import selected
 from engine_models.scene.parts import AnyScene
+from studies.case import Curves, Row
 from studies.judges import metrics
 from studies.judges.converged_truth import Solved, followed, solved, times_between_s
-from studies.running.case import Curves, Row
 
 #: Samples on which runs of ideal joints are judged, at the most, and the part of a force's largest value
 #: that the judged samples have to see.

@@ -17,7 +17,7 @@ from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.states import guide_column, observed_columns
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
-from studies.running.case import Curves, Row
+from studies.case import Curves, Row
 
 
 def in_flight(*runs: Trajectory) -> NDArray[np.bool_]:

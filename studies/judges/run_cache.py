@@ -14,9 +14,11 @@ from llvmlite.binding import get_host_cpu_name
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.kernels import made_once, read_checked, write_checked
 from engine_models.scene.parts import AnyScene
-from studies.running.provenance import engine_fingerprint
+from studies.case import project_code, versions
 
 Kept = TypeVar("Kept")
+#: The folders whose files decide a run.
+CODE = ("reference_solver", "engine_models", "studies/truth", "studies/judges")
 
 
 class Solver(Protocol):
@@ -45,7 +47,7 @@ def kept(
 ) -> Kept:
     """Return what a module makes of an engine's run of a scene, now or before by the same code."""
     kind = type(engine)
-    code = made_by, *map(engine_fingerprint, (made_by, kind.__module__)), kind.__qualname__
+    code = made_by, project_code(CODE), versions(), kind.__module__, kind.__qualname__
     run = engine, scene.model_dump_json(), settings
     text = repr((*code, *run, platform.machine(), get_host_cpu_name()))
     name = f"run-{hashlib.sha256(text.encode()).hexdigest()[:32]}.pickle"

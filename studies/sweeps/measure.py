@@ -17,7 +17,7 @@ from engine_models.mechanics.states import observed_m
 from engine_models.scene.data import SceneError
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
-from studies.running.case import Case, Curves, Row
+from studies.case import Case, Curves, Row
 from studies.sweeps.closing import closed
 
 NAME = "sweep"

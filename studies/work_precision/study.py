@@ -20,10 +20,10 @@ from engine_models.mechanics.states import lever_m
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.parts import AnyScene
 from studies import clearance
+from studies.case import Case, Curves, Row, Value
 from studies.judges.comparison import compared, judged
 from studies.judges.metrics import checked
 from studies.ladders import QUICK_IDEAL, QUICK_LOOSE, Rung, ladder
-from studies.running.case import Case, Curves, Row, Value
 
 NAME = "work-precision"
 #: Few, since no step is longer than the time between two samples.

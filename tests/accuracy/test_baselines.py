@@ -11,7 +11,7 @@ from engine_models.arms import Arm
 from engine_models.engines import make_engine
 from studies import baselines
 from studies.baselines import FLOORS, FOLDER, differences, measure_all, read
-from studies.running.failures import BadInput, Failed
+from studies.failures import BadInput, Failed
 from tests.helpers.command import crankslider
 
 RUNS = {

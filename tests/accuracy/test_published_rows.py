@@ -3,15 +3,13 @@
 import random
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from reports.results import published_rows, read_study
-from studies.running.case import Case, Row
-from studies.running.outcome import load_study, outcome, run_case
-from studies.running.processes import Processes
-from studies.running.registry import STUDIES
+from studies import STUDIES
+from studies.case import LIMIT_S, Case, Row, load_study, run_case
+from studies.workers import Pool
 
 RESULTS = Path(__file__).parents[2] / "reports/published/results"
 #: Rows drawn of each study; the commit that they were made from is the seed.
@@ -26,17 +24,10 @@ SMOOTH, PAST_IMPACTS, UNCERTAINTIES, SCIPY, SWING = 1e-2, 3.0, 100, 15.0, 0.1
 CHAOTIC = ("predictability", "stability", "extremes")
 
 
-def published(study: str) -> dict[str, Any]:
-    """Return where a study's published rows come from."""
-    found = read_study(RESULTS / study).sidecar
-    assert found is not None
-    return found
-
-
 def draw(study: str) -> list[tuple[str, Case]]:
     """Return finished cases of a study, with the seed that drew them."""
-    seed = f"{study} {published(study)['commit']}"
-    heads = [row for row in published_rows(RESULTS / study) if row["status"] == "ok"]
+    seed = f"{study} {read_study(RESULTS, study).facts['commit']}"
+    heads = [row for row in published_rows(RESULTS, study) if row["status"] == "ok"]
     cases = [case for case in load_study(study).cases(full=False) if not case.timed]
     mixed = random.Random(seed).sample(cases, len(cases))
     finished = (case for case in mixed if any(case.head().items() <= row.items() for row in heads))
@@ -44,23 +35,23 @@ def draw(study: str) -> list[tuple[str, Case]]:
 
 
 @pytest.fixture(scope="module")
-def processes() -> Iterator[dict[bool, Processes]]:
+def processes() -> Iterator[dict[bool, Pool]]:
     """Processes of their own, one for each of Exudyn's two builds, which cannot run beside each other."""
-    with Processes(1) as checked, Processes(1) as fast:
+    with Pool(1) as checked, Pool(1) as fast:
         yield {False: checked, True: fast}
 
 
 @pytest.mark.accuracy
 @pytest.mark.parametrize("study", STUDIES)
-def test_rows_drawn_by_lot_come_out_again(study: str, processes: dict[bool, Processes]) -> None:
+def test_rows_drawn_by_lot_come_out_again(study: str, processes: dict[bool, Pool]) -> None:
     for seed, case in draw(study):
         (before,) = (
             row
-            for row in published_rows(RESULTS / study)
+            for row in published_rows(RESULTS, study)
             if case.head().items() <= row.items() and row.get("timed") == case.head().get("timed")
         )
         build = bool(case.settings.get("fast"))
-        after, _ = outcome(case, processes[build].submit(run_case, case))
+        after, _ = processes[build].run(run_case, case, limit_s=LIMIT_S)
         assert after["status"] == before["status"]
         where = f"{case.arm.label} on {case.scene.name}, drawn by '{seed}'"
         for name in (name for name in after if "_error_" in name and study not in CHAOTIC):

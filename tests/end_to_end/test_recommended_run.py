@@ -13,7 +13,7 @@ from reports.comparison.standing import Standings, standings_table
 from reports.results import frame
 from reports.run.command import command
 from studies.command import simulation
-from studies.running.failures import Failed
+from studies.failures import Failed
 from studies.work_precision.study import cases
 from tests.end_to_end.written_rows import row
 from tests.helpers.command import crankslider

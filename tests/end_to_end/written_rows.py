@@ -4,8 +4,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from reports.parts import Figure
 from reports.results import Results, read_study
 from tests.helpers.row_files import write_rows
@@ -15,7 +13,6 @@ def row(number: int, scene: str, engine: str, arm: str, step_s: float, **columns
     """Return the row of a finished run, or of one that ended as ``status`` and ``reason`` say."""
     head = {
         "case": f"{number:016d}",
-        "fingerprint": f"of-{engine}",
         "scene": scene,
         "engine": engine,
         "arm": arm,
@@ -31,12 +28,8 @@ def results_of(
     folder: Path, rows: Sequence[Mapping[str, Any]], curves: Mapping[str, Mapping[str, Sequence[float]]]
 ) -> Results:
     """Write a study's files, ``curves`` by case and column, and read them as the report does."""
-    (folder / "curves").mkdir(parents=True)
-    write_rows(folder / "rows.jsonl", rows)
-    for case, columns in curves.items():
-        arrays: dict[str, Any] = {name: np.array(curve) for name, curve in columns.items()}
-        np.savez(folder / "curves" / f"{case}.npz", **arrays)
-    return read_study(folder)
+    write_rows(folder, "written", rows, curves)
+    return read_study(folder, "written")
 
 
 def mixed(figures: Iterable[Figure | None]) -> list[str]:

@@ -4,6 +4,7 @@ import ctypes
 import os
 import signal
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -14,19 +15,21 @@ from engine_models.arms import Arm, Setting
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import ideal_free
-from studies.running.case import Case, Curves, Row
-from studies.running.execution import Limits
+from studies.case import LIMIT_S, Case, Curves, Row
 
 NAME = "tests.helpers.mischief"
 #: Held from one case to the next, as caches are.
 HELD: list[bytearray] = []
-MEGABYTE = 1_000_000
+
+
+class Unpicklable(Exception):
+    """An exception that no other process can be told of."""
 
 
 def case(
     arm: str,
     number: int = 0,
-    limits: Limits | None = None,
+    limit_s: float = LIMIT_S,
     timed: bool = False,
     engine: str = "mischief",
     **settings: Setting,
@@ -34,12 +37,12 @@ def case(
     """Return a case that does what the arm says; its number tells it from others."""
     scene = ideal_free().model_copy(update={"end_time_s": 0.01})
     run = RunSettings(1e-3, number + 1)
-    return Case(NAME, scene, Arm(engine, arm, settings), run, timed=timed, limits=limits)
+    return Case(NAME, scene, Arm(engine, arm, settings), run, timed=timed, limit_s=limit_s)
 
 
 def steady(row: dict[str, Any]) -> dict[str, Any]:
     """Return what is the same in the row of each run of a case."""
-    return {name: value for name, value in row.items() if name not in ("pid", "began", "ended", "checksum")}
+    return {name: value for name, value in row.items() if name not in ("pid", "began", "ended")}
 
 
 def cases(full: bool) -> list[Case]:
@@ -49,8 +52,7 @@ def cases(full: bool) -> list[Case]:
     """
     work = [case("work", number) for number in range(12)]
     if folder := os.environ.get("HANG_IN"):
-        last = Limits(1000.0, 1000 * MEGABYTE)  # cases with limits come after all others
-        return work[:2] + [case("hang", n, last, pid_file=f"{folder}/pid{n}") for n in range(2)]
+        return work[:2] + [case("hang", n, pid_file=f"{folder}/pid{n}") for n in range(2)]
     more = [case("abort"), case("work", 98, timed=True), case("work", 99, timed=True)]
     return work + (more if full else [])
 
@@ -91,13 +93,10 @@ def _misbehave(case: Case) -> None:
             Path(str(case.settings["pid_file"])).write_text(str(os.getpid()))
             # A C function that keeps the interpreter's lock, as native solvers do.
             ctypes.PyDLL(None).sleep(1000)
-        case "eat memory":
-            while True:
-                HELD.append(bytearray(10 * MEGABYTE))
-        case "hold memory":
-            HELD.append(bytearray(150 * MEGABYTE))
-        case "bad_alloc":
-            os.write(2, b"terminate called after throwing an instance of 'std::bad_alloc'\n")
+        case "no memory":
+            raise MemoryError
+        case "say and abort":
+            os.write(2, b"last words\n")
             os.abort()
         case "noise":
             print("noise" * 100_000)
@@ -111,6 +110,8 @@ def _misbehave(case: Case) -> None:
                 os.abort()
         case "bug":
             raise KeyError("no such thing")
+        case "unpicklable bug":
+            raise Unpicklable(threading.Lock())
         case _:
             raise AssertionError(case.arm.name)
 

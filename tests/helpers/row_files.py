@@ -1,19 +1,25 @@
-"""Files of rows as runs write them: for tests that look into them or change them."""
+"""Rows in a store, for tests that make up what studies would have written."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from studies.running.finished_cases import checksum
+import numpy as np
+
+from studies.store import Store
 
 
-def read_rows(path: Path) -> list[dict[str, Any]]:
-    """Return the rows of a file."""
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-
-
-def write_rows(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
-    """Write rows, each with the checksum that it has now."""
-    lines = [json.dumps({**row, "checksum": checksum(row)}) + "\n" for row in rows]
-    path.write_text("".join(lines), encoding="utf-8")
+def write_rows(
+    folder: Path,
+    study: str,
+    rows: Sequence[Mapping[str, Any]],
+    curves: Mapping[str, Mapping[str, Sequence[float]]] | None = None,
+    **facts: object,
+) -> None:
+    """Write rows of a study, each with a ``case`` and an ``engine``, and ``curves`` by case and column."""
+    with Store(folder) as store:
+        store.describe(study, {"set": "quick", "engines": {row["engine"]: "code" for row in rows}, **facts})
+        for row in rows:
+            own = {name: np.array(curve) for name, curve in (curves or {}).get(row["case"], {}).items()}
+            told = {"study": study, **{name: value for name, value in row.items() if name != "case"}}
+            store.keep(row["case"], "code", told, own)

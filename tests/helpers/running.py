@@ -5,20 +5,20 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import Any
 
-from studies.running.closure import NUMERICAL_CODE, ROOT
-from studies.running.execution import LimitedExecutor, Limits
+from studies.case import CODE as FOLDERS
+from studies.case import ROOT, Case, Row, provenance
+from studies.runner import Workers, run_cases
+from studies.store import FILE, Store
 from tests.helpers.mischief import NAME
 
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
 CODE = (
-    f"from studies.running import registry; registry.STUDIES = {{'{NAME}': '{NAME}'}};"
-    "from studies.command.main import main; main()"
+    f"import studies; studies.STUDIES = {{'{NAME}': '{NAME}'}};from studies.command.main import main; main()"
 )
 #: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it; or is not.
 HEAR = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
@@ -43,7 +43,7 @@ def started(
 
 def copied(folder: Path) -> Path:
     """Copy the code that decides numbers and the tests' into a folder, to be edited and run there."""
-    for package in (*NUMERICAL_CODE, "tests"):
+    for package in (*FOLDERS, "tests"):
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
     return folder
 
@@ -60,10 +60,12 @@ def until(true: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def lines(out: Path) -> list[str]:
-    """Return the lines of rows that a run has written so far."""
-    file = out / NAME / "rows.jsonl"
-    return file.read_text().splitlines(keepends=True) if file.exists() else []
+def rows_in(out: Path) -> list[Row]:
+    """Return the rows that a run of the study of mischief has written so far."""
+    if not (out / FILE).exists():
+        return []
+    with Store(out) as store:
+        return store.results(NAME)[0]
 
 
 def gone(pid: int) -> bool:
@@ -74,26 +76,21 @@ def gone(pid: int) -> bool:
         return True
 
 
-P = ParamSpec("P")
-T = TypeVar("T")
+class Here:
+    """Runs calls one after the other in this process, in place of a pool of others."""
+
+    def results(self, call: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
+        """Yield every item and what its call gave."""
+        for item in items:
+            yield item, call(item)
 
 
-class Here(LimitedExecutor):
-    """Runs calls when they are submitted; ``calls`` tells how many, and before each ``first`` is called."""
-
-    def __init__(self, first: Callable[[int], None] = lambda _: None) -> None:
-        self.calls, self._first = 0, first
-
-    def submit_within(
-        self, limits: Limits | None, call: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
-    ) -> "Future[T]":
-        """Run a call within the limits; the future has what it returns or raises."""
-        assert limits is not None
-        future: Future[T] = Future()
-        try:
-            self.calls += 1
-            self._first(self.calls)
-            future.set_result(call(*args, **kwargs))
-        except BaseException as error:
-            future.set_exception(error)
-        return future
+def run_in(
+    folder: Path, cases: Sequence[Case], workers: Workers | None = None, retry: bool = False
+) -> list[Row]:
+    """Run cases of one study into a folder, in this process or by workers, and return all rows there."""
+    name = cases[0].study
+    with Store(folder) as store, store.held():
+        store.describe(name, provenance(False, cases))
+        run_cases({name: cases}, store, workers or Here(), retry)
+        return store.results(name)[0]

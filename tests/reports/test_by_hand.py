@@ -1,7 +1,5 @@
 """Cells, sentences, labels and lines of the report against what was worked out by hand from a few rows."""
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +12,10 @@ from matplotlib.patches import Rectangle
 from reports.parts import quantity
 from reports.plots.panels import against, draw, shown_labels, so_far
 from reports.quantities import finished, floor, value, with_largest
-from reports.results import BrokenResults, frame, read_results
+from reports.results import frame
 from reports.shared_tables import followed, orders, smallest_errors
 from reports.style import variant
 from reports.tables import error
-from tests.helpers.row_files import write_rows
 
 POSITION, DOUBT = "slider_position_error_m", "slider_position_uncertainty_m"
 
@@ -94,19 +91,6 @@ def test_the_smallest_error_stands_beside_its_own_uncertainty() -> None:
         row("reference (none)", 0.1, **{POSITION: 3e-9, DOUBT: 1e-8}),
     )
     assert smallest_errors(ladder, [POSITION])["slider position [m]"].tolist() == [error(2e-9, 1e-12)]
-
-
-def test_a_row_whose_number_was_edited_is_refused(tmp_path: Path) -> None:
-    write_rows(tmp_path / "rows.jsonl", [row("reference (none)", 0.1, **{POSITION: 2e-6})])
-    assert read_results(tmp_path)[POSITION].tolist() == [2e-6]
-    text = (tmp_path / "rows.jsonl").read_text(encoding="utf-8")
-    (tmp_path / "rows.jsonl").write_text(text.replace("2e-06", "1e-06"), encoding="utf-8")
-    with pytest.raises(BrokenResults, match="edited or damaged"):
-        read_results(tmp_path)
-    without = {name: part for name, part in json.loads(text).items() if name != "checksum"}
-    (tmp_path / "rows.jsonl").write_text(json.dumps(without) + "\n", encoding="utf-8")
-    with pytest.raises(BrokenResults, match="earlier version"):
-        read_results(tmp_path)
 
 
 # Figures

@@ -1,7 +1,5 @@
 """The energy study's cases, and its chapter from a small run of all engines."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import matplotlib as mpl
 import pandas as pd
 import pytest
@@ -23,7 +21,7 @@ from reports.quantities import finished
 from reports.results import Results, read_study
 from reports.style import RC
 from studies import energy
-from studies.running.runner import run_study
+from tests.helpers.running import run_in
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +43,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
             or ((case.engine, case.arm.name) in wanted and case.columns["rung"] == 1)
         )
     ]
-    run_study("energy", cases, folder, lambda: ThreadPoolExecutor(1))
-    return read_study(folder)
+    run_in(folder, cases)
+    return read_study(folder, "energy")
 
 
 def test_the_full_set_contains_the_quick_one_and_runs_ten_times_as_long() -> None:

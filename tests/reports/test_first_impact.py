@@ -1,7 +1,5 @@
 """The figure of one impact from real runs: its loop is the energy lost, its errors are those of the rows."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
@@ -10,7 +8,7 @@ from reports.chapters.accuracy_clearance import CHAPTER
 from reports.results import Results, read_study
 from reports.style import ENGINES
 from studies import motions
-from studies.running.runner import run_study
+from tests.helpers.running import run_in
 
 DRAWN = ("reference", "pymunk")
 
@@ -20,8 +18,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
     folder = tmp_path_factory.mktemp("motions")
     cases = [case for case in motions.cases(full=False) if case.columns["view"] == "impact"]
     cases = [case for case in cases if case.engine in DRAWN]
-    run_study("motions", cases, folder, lambda: ThreadPoolExecutor(1))
-    return read_study(folder)
+    run_in(folder, cases)
+    return read_study(folder, "motions")
 
 
 @pytest.fixture(scope="module")

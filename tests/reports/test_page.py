@@ -2,14 +2,13 @@
 
 import csv
 import html
-import json
 import math
 import re
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -20,18 +19,17 @@ from reports.page import compare_claims, read_claims, write_report
 from reports.page.figures import as_svg, write_figure
 from reports.parts import Contradiction, Figure, Finding, Number, Table, quantity
 from reports.plots.series import mark
-from reports.results import BrokenResults, NoResults, frame, read_results
+from reports.results import NoResults, frame
 from reports.shared_tables import settings_table
 from reports.style import axis_label, line_styles
 from reports.tables import comma_separated, error, markdown
-from studies import agreement
-from studies.running.outcome import load_study
-from studies.running.registry import STUDIES
-from studies.running.runner import run_study
-from tests.helpers import row_files
+from studies import STUDIES, agreement
+from studies.case import load_study
+from studies.store import FILE, Store
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal
-from tests.helpers.row_files import read_rows
+from tests.helpers.row_files import write_rows
+from tests.helpers.running import run_in
 
 pytestmark = pytest.mark.system
 
@@ -61,7 +59,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     # Two sweeps are too few for all joints, and no joint can be left out.
     cases.append(replace(swept, arm=Arm("pymunk", "all joints", {"joints": "all", "iterations": 2})))
-    run_study("agreement", cases, folder / "agreement", lambda: ThreadPoolExecutor(1))
+    run_in(folder, cases)
     return folder
 
 
@@ -75,8 +73,9 @@ def report(results: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def small(results: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of the results, one scene and one arm: quicker to draw."""
-    folder = Path(shutil.copytree(results, tmp_path_factory.mktemp("small") / "results"))
-    write_rows(folder, [r for r in rows_of(folder) if (r["scene"], r["arm"]) == ("ideal-free", "projection")])
+    folder = tmp_path_factory.mktemp("small") / "results"
+    rows = [row for row in rows_of(results) if (row["scene"], row["arm"]) == ("ideal-free", "projection")]
+    write_rows(folder, "agreement", rows, cases=1, commit="0123abc")
     return folder
 
 
@@ -84,21 +83,18 @@ def small(results: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def written(small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report of rows with a reason in the letters of three languages, whose provenance is theirs."""
     folder = tmp_path_factory.mktemp("written")
-    results = Path(shutil.copytree(small, folder / "results"))
-    rows = [row | {"scene": "<script>alert(1)</script>"} for row in rows_of(results)]
+    rows = [row | {"scene": "<script>alert(1)</script>"} for row in rows_of(small)]
     rows[0] |= {"status": "failed", "reason": "<script>alert(1)</script> | 5 % of $x_1$"}
-    write_rows(results, rows)
-    write_sidecar(results, str(rows[0]["fingerprint"]))
-    write_report(results, folder / "report")
+    write_rows(folder / "results", "agreement", rows, cases=1000, commit="0123abc")
+    write_report(folder / "results", folder / "report")
     return folder / "report"
 
 
 @pytest.fixture(scope="module")
 def replaced(small: Path, report: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Another report in the place of the first, of rows whose provenance is that of others."""
+    """Another report in the place of the first."""
     folder = tmp_path_factory.mktemp("replaced")
     results = Path(shutil.copytree(small, folder / "results"))
-    write_sidecar(results, "x")
     out = Path(shutil.copytree(report, folder / "report"))
     (out / "figures/stale.svg").touch()
     done = crankslider("report", "--results", results, "--out", out)
@@ -106,24 +102,9 @@ def replaced(small: Path, report: Path, tmp_path_factory: pytest.TempPathFactory
     return out
 
 
-def write_sidecar(results: Path, fingerprint: str) -> None:
-    by_engine = {str(rows_of(results)[0]["engine"]): fingerprint, "other": "y"}
-    sidecar = {"fingerprints": by_engine, "commit": "0123abc", "set": "quick"}
-    (results / "agreement/sidecar.json").write_text(json.dumps(sidecar), encoding="utf-8")
-
-
-@pytest.fixture
-def broken(small: Path, tmp_path: Path) -> Path:
-    """A copy of the small results for a test to damage."""
-    return Path(shutil.copytree(small, tmp_path / "results"))
-
-
-def rows_of(results: Path) -> list[dict[str, object]]:
-    return read_rows(results / "agreement/rows.jsonl")
-
-
-def write_rows(results: Path, rows: list[dict[str, object]]) -> None:
-    row_files.write_rows(results / "agreement/rows.jsonl", rows)
+def rows_of(results: Path) -> list[dict[str, Any]]:
+    with Store(results) as store:
+        return store.results("agreement")[0]
 
 
 class Page(HTMLParser):
@@ -183,8 +164,13 @@ def test_the_order_in_which_runs_finished_does_not_change_a_byte(
     results: Path, report: Path, tmp_path: Path
 ) -> None:
     shuffled = tmp_path / "results"
-    shutil.copytree(results, shuffled)
-    write_rows(shuffled, rows_of(results)[::-1])
+    with Store(results) as before, Store(shuffled) as store:
+        rows, facts = before.results("agreement")
+        store.describe("agreement", facts)
+        for row in rows[::-1]:
+            key = str(row["case"])
+            told = {name: value for name, value in row.items() if name != "case"}
+            store.keep(key, facts["engines"][row["engine"]], told, before.curves(key))
     write_report(shuffled, tmp_path / "report")
     for path in sorted(report.rglob("*.*")):
         again = tmp_path / "report" / path.relative_to(report)
@@ -232,48 +218,34 @@ def test_text_from_results_is_escaped(written: Path) -> None:
     assert "&lt;script&gt;alert(1)" in page
 
 
-def test_provenance_of_other_rows_is_not_shown_as_theirs(written: Path, replaced: Path) -> None:
-    for report, is_theirs in ((written, True), (replaced, False)):
+def test_the_page_says_what_made_its_rows_and_whether_the_run_came_to_its_end(
+    written: Path, replaced: Path
+) -> None:
+    for report, whole in ((written, False), (replaced, True)):
         page = (report / "index.html").read_text("utf-8")
-        assert ("0123abc" in page) == is_theirs
-        assert ("was not run to its end" in page) != is_theirs
+        assert "0123abc" in page
+        assert ("cases are there; `crankslider run` goes on" in page) != whole
 
 
 # All or nothing
 
 
 def test_no_results_is_said_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(NoResults, match=r"^no results: .*rows\.jsonl is missing; run `crankslider run`$"):
+    with pytest.raises(NoResults, match=r"^no results of .* in .*nowhere; run `crankslider run`"):
         write_report(tmp_path / "nowhere", tmp_path / "out" / "report")
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("damage", ["line", "column", "label", "code"])
-def test_broken_results_are_named_and_the_old_report_stays(broken: Path, tmp_path: Path, damage: str) -> None:
-    rows = rows_of(broken)
-    place = broken / "agreement"
-    if damage == "line":
-        (place / "rows.jsonl").write_text("{half a row\n", encoding="utf-8")
-    elif damage in ("column", "label"):
-        gone = "arm" if damage == "column" else damage
-        write_rows(broken, [{name: row[name] for name in row if name != gone} for row in rows])
-    else:
-        write_rows(broken, [rows[0] | {"fingerprint": "other"}, *rows[1:]])
+def test_a_damaged_file_is_named_and_the_old_report_stays(small: Path, tmp_path: Path) -> None:
+    broken = Path(shutil.copytree(small, tmp_path / "results"))
+    (broken / FILE).write_bytes(b"no rows" * 1000)
     out = tmp_path / "reports" / "old"
     out.mkdir(parents=True)
     (out / "index.html").write_text('<meta name="generator" content="crankslider">', encoding="utf-8")
     done = crankslider("report", "--results", broken, "--out", out)
-    require_refusal(
-        done.stdout, done.stderr, done.code, "--results: expected the results of a study", str(place)
-    )
+    require_refusal(done.stdout, done.stderr, done.code, "results: expected rows of a run", str(broken))
     assert [path.name for path in out.parent.iterdir()] == ["old"]
     assert [path.name for path in out.iterdir()] == ["index.html"]
-
-
-def test_rows_of_another_study_are_refused(small: Path, tmp_path: Path) -> None:
-    shutil.copytree(small / "agreement", tmp_path / "results" / "energy")
-    with pytest.raises(BrokenResults, match="energy: expected rows of the study energy, got of agreement"):
-        write_report(tmp_path / "results", tmp_path / "report")
 
 
 def test_a_report_replaces_a_report(replaced: Path) -> None:
@@ -289,15 +261,8 @@ def test_a_report_replaces_nothing_but_a_report(small: Path, tmp_path: Path) -> 
     assert [path.name for path in tmp_path.rglob("*")] == ["home", "thesis.txt"]
 
 
-def test_a_last_line_cut_short_by_a_kill_is_no_row(broken: Path) -> None:
-    whole = read_results(broken / "agreement")
-    with (broken / "agreement/rows.jsonl").open("a", encoding="utf-8") as file:
-        file.write('{"case": "0123')
-    pd.testing.assert_frame_equal(read_results(broken / "agreement"), whole)
-
-
 def test_the_table_of_settings_says_what_a_ladder_varies() -> None:
-    head: dict[str, object] = {"fingerprint": "0", "scene": "s", "engine": "reference", "step_s": 1.0}
+    head: dict[str, object] = {"scene": "s", "engine": "reference", "step_s": 1.0}
     head |= {"status": "ok", "reason": ""}
     ladder = {"arm": "DOP853", "label": "reference (DOP853)", "setting_method": "dop853"}
     plain = {"case": "1", "arm": "default", "label": "reference (default)"}
@@ -307,12 +272,11 @@ def test_the_table_of_settings_says_what_a_ladder_varies() -> None:
 
 
 def test_a_report_of_runs_that_all_failed_says_so_of_every_study(tmp_path: Path) -> None:
-    ended = {"fingerprint": "0", "status": "crashed", "reason": "killed by SIGSEGV"}
+    ended = {"status": "crashed", "reason": "killed by SIGSEGV"}
     for study in STUDIES:
         cases = enumerate(load_study(study).cases(False))
-        rows = [{"case": str(n), **case.head(), **ended} for n, case in cases]
-        (tmp_path / "results" / study).mkdir(parents=True)
-        row_files.write_rows(tmp_path / "results" / study / "rows.jsonl", rows)
+        rows = [{"case": f"{study} {n}", **case.head(), **ended} for n, case in cases]
+        write_rows(tmp_path / "results", study, rows)
     write_report(tmp_path / "results", tmp_path / "report")
     told = [path.read_text("utf-8") for path in (tmp_path / "report/tables").glob("*-failures.csv")]
     assert sum("killed by SIGSEGV" in text for text in told) >= len(STUDIES) - 1, "the gallery has verdicts"
@@ -332,28 +296,15 @@ def test_a_frame_has_numbers_or_nan_and_settings_as_they_were_written() -> None:
     assert rows["method"].iloc[2] == "a word"
 
 
-def test_engines_may_differ_in_their_code_but_not_the_rows_of_one(results: Path, tmp_path: Path) -> None:
-    rows = [row | {"fingerprint": row["engine"]} for row in rows_of(results)]
-    (tmp_path / "agreement").mkdir()
-    write_rows(tmp_path, rows)
-    assert set(read_results(tmp_path / "agreement")["fingerprint"]) == {row["engine"] for row in rows}
-    write_rows(tmp_path, [rows[0] | {"fingerprint": "other"}, *rows[1:]])
-    with pytest.raises(
-        BrokenResults, match="rows made by different code; run `crankslider run` to renew them"
-    ):
-        read_results(tmp_path / "agreement")
-
-
 # Sentences
 
 
 def test_a_sentence_that_the_rows_contradict_breaks_the_report(results: Path, tmp_path: Path) -> None:
-    broken = Path(shutil.copytree(results, tmp_path / "results"))
-    rows = rows_of(broken)
+    broken, rows = tmp_path / "results", rows_of(results)
     for row in rows:
         if (row["engine"], row["arm"], row["status"]) == ("pymunk", "tuned", "ok"):
             row["slider_position_error_m"] = float(str(row["step_s"]))
-    write_rows(broken, rows)
+    write_rows(broken, "agreement", rows)
     done = crankslider("report", "--results", broken, "--out", tmp_path / "report")
     assert (done.code, done.stdout, done.stderr.count("\n")) == (1, "", 1)
     assert "pymunk (tuned), with joint errors corrected" in done.stderr

@@ -2,18 +2,15 @@
 
 import errno
 import os
-import shutil
 import stat
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from glob import escape
 from io import FileIO
 from pathlib import Path
 from secrets import token_hex
-from tempfile import TemporaryFile
-
-from studies.running.folder_lock import held
+from tempfile import TemporaryDirectory, TemporaryFile
 
 #: How the name of a file ends that a kill left unfinished; no file is written for so long, in s.
 UNFINISHED, LEFT_S = ".new", 3600.0
@@ -97,23 +94,13 @@ def write_through(file: FileIO, content: bytes) -> None:
 def whole_folder(path: Path) -> Iterator[Path]:
     """Give an empty folder that takes the place of ``path`` when the block ends, and vanishes when it fails.
 
-    It is in a folder ``.NAME.new`` beside ``path``, which one process holds; what a kill left there goes.
-
     Raises:
-        FolderHeld: another one does.
-        OSError: nothing can be written there.
+        OSError: nothing can be written beside ``path``.
     """
     path = Path(os.path.realpath(path))
-    beside = path.with_name(f".{path.name}{UNFINISHED}")
-    new, old = beside / "new", beside / "old"
-    beside.mkdir(parents=True, exist_ok=True)
-    with ExitStack() as stack:
-        stack.enter_context(held(beside))
-        stack.callback(shutil.rmtree, beside, ignore_errors=True)
-        if old.exists() and not path.exists():  # killed between the two moves below
-            old.rename(path)
-        for left in (new, old):
-            shutil.rmtree(left, ignore_errors=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as beside:
+        new, old = Path(beside, "new"), Path(beside, "old")
         new.mkdir()
         yield new
         if path.exists():

@@ -1,0 +1,226 @@
+"""A case of a study, the row that comes of it, and what decides its numbers."""
+
+import hashlib
+import json
+import platform
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from datetime import datetime, timezone
+from functools import cache
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+from engine_models.arms import Arm, Setting
+from engine_models.engine import FloatArray, ProcessTaken, RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engines import engine_module
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.plain_words import one_of, shown
+from engine_models.scene.scene import Scene
+from studies import STUDIES, study_module
+from studies.failures import Failed, bug
+
+Value = str | int | float | bool | None
+#: One flat row of results: units are in the column names, failures have ``status`` and ``reason``.
+Row = dict[str, Value]
+Curves = dict[str, FloatArray]
+
+ROOT = Path(__file__).parents[1]
+#: The folders whose files decide numbers, and the distributions whose versions do.
+CODE = ("reference_solver", "engine_models", "studies")
+LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "exudyn", "pymunk")
+#: The wall time in s of a case that has no limit of its own, kernels and reference solutions included. The
+#: longest of the full set take a minute: what takes thirty times as long will never end.
+LIMIT_S = 1800.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """A configuration's run on a scene, with ``added`` settings beyond the configuration's own.
+
+    A ``timed`` case runs on this machine with nothing beside it, after all others and in the order given.
+    ``columns`` are the study's own in the row's head, where they tell cases apart.
+    """
+
+    study: str
+    scene: AnyScene
+    arm: Arm
+    run: RunSettings
+    added: Mapping[str, Setting] = field(default_factory=dict)
+    timed: bool = False
+    limit_s: float = LIMIT_S
+    columns: Mapping[str, Value] = field(default_factory=dict)
+
+    @property
+    def plain_scene(self) -> Scene:
+        """The scene, in a study of crank-sliders and pendulums alone."""
+        assert isinstance(self.scene, Scene)
+        return self.scene
+
+    @property
+    def engine(self) -> str:
+        """The engine's name."""
+        return self.arm.engine
+
+    @property
+    def settings(self) -> dict[str, Setting]:
+        """The engine's settings, the configuration's and the added ones."""
+        return {**self.arm.settings, **self.added}
+
+    @property
+    def key(self) -> str:
+        """What identifies the case together with the code and the libraries that it is run by."""
+        parts = [code_of(self.engine), self.head(), self.scene.model_dump(), asdict(self.run)]
+        return _hash(json.dumps(parts, sort_keys=True).encode())
+
+    def head(self) -> Row:
+        """Return the columns that say what was run."""
+        return {
+            "study": self.study,
+            "scene": self.scene.name,
+            "engine": self.engine,
+            "arm": self.arm.name,
+            "label": self.arm.label,
+            "end_time_s": self.scene.end_time_s,
+            "samples": self.run.samples,
+            "step_s": self.run.step_used_s(self.scene.end_time_s),
+            **({"timed": True} if self.timed else {}),
+            **({"time_limit_s": self.limit_s} if self.limit_s != LIMIT_S else {}),
+            **{f"setting_{name}": value for name, value in self.settings.items()},
+            **self.columns,
+        }
+
+
+class Study(Protocol):
+    """What a study's module provides."""
+
+    def cases(self, full: bool) -> list[Case]:
+        """Return the cases; the full set contains the quick one."""
+        ...
+
+    def measure(self, case: Case) -> tuple[Row, Curves]:
+        """Run a case and return its measured columns and its curves over time."""
+        ...
+
+
+def load_study(name: str) -> Study:
+    """Return a study by its name, or by the import path of its module.
+
+    Raises:
+        ValueError: there is none.
+    """
+    module = study_module(name)
+    try:
+        return cast(Study, import_module(module))
+    except ModuleNotFoundError as error:
+        if error.name != module.split(".")[0] and error.name != module:
+            raise  # what the study imports is missing
+        known = one_of(list(STUDIES))
+        raise ValueError(f"study: expected {known}, or a module's path, got {shown(name)}") from None
+
+
+def run_case(case: Case) -> tuple[Row, Curves]:
+    """Run a case; where there is no run the row has what ``ended`` gives.
+
+    Raises:
+        ProcessTaken: another process could run it.
+        Failed: there is a bug in the study or an engine's model.
+    """
+    try:
+        measured, curves = load_study(case.study).measure(case)
+    except ProcessTaken:
+        raise  # no answer yet
+    except UnsupportedScene as refusal:
+        return ended(case, "unsupported", refusal), {}
+    except SimulationFailed as failure:
+        return ended(case, "failed", failure), {}
+    except MemoryError as error:
+        return ended(case, "out of memory", error), {}
+    except Exception as error:
+        raise Failed(f"{case.arm.label} on {case.scene.name}: {bug(error)}") from error
+    return {**case.head(), "status": "ok", "reason": "", **measured}, curves
+
+
+def ended(case: Case, status: str, failure: Exception) -> Row:
+    """Return the row of a case without a run: how it ended, the reason, and the exception's class."""
+    columns = {"status": status, "reason": str(failure), "exception": type(failure).__name__}
+    return {**case.head(), **columns}
+
+
+@cache
+def code_of(engine: str) -> str:
+    """Return a hash of all that decides a number of an engine's cases, as this process first read it.
+
+    That is the project's code and an engine's from outside, byte for byte, and the versions beneath them.
+    """
+    try:
+        module = engine_module(engine)
+    except ValueError:  # of a study alone
+        module = "studies"
+    outside = module.partition(".")[0] not in CODE
+    files = [Path(str(find_spec(module).origin))] if outside else []  # type: ignore[union-attr]
+    return _hash(repr([project_code(), versions(), [path.read_bytes() for path in files]]).encode())
+
+
+@cache
+def project_code(folders: tuple[str, ...] = CODE) -> str:
+    """Return a hash of the names and bytes of all files of Python and data in folders of the project."""
+    files = [path for name in folders for path in sorted((ROOT / name).rglob("*")) if _counts(path)]
+    return _hash(repr([(path.relative_to(ROOT).as_posix(), path.read_bytes()) for path in files]).encode())
+
+
+def _counts(path: Path) -> bool:
+    return path.suffix in (".py", ".toml")
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the distributions that decide numbers, as far as installed."""
+    found = {"python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "none"
+    return found
+
+
+def provenance(full: bool, cases: Iterable[Case]) -> dict[str, Any]:
+    """Return where the rows of a study come from: set, code, commit, day, versions and machine."""
+    cases = list(cases)
+    return {
+        "set": "full" if full else "quick",
+        "cases": len(cases),
+        "engines": {engine: code_of(engine) for engine in dict.fromkeys(case.engine for case in cases)},
+        "code": project_code(),
+        "commit": _commit(),
+        "date": datetime.now(timezone.utc).date().isoformat(),
+        "versions": versions(),
+        "machine": {"system": platform.system(), "processor": _processor()},
+    }
+
+
+@cache
+def _commit() -> str:
+    """Return the commit first seen, with ``+changes`` if the work tree differed, or ``unknown``."""
+    command = ["git", "describe", "--always", "--exclude=*", "--abbrev=40", "--dirty=+changes"]
+    try:
+        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def _processor() -> str:
+    if sys.platform == "linux":
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor()

@@ -1,0 +1,95 @@
+"""The pool of ``workers`` on a Dask cluster: each call in a process of its own beside a Dask worker."""
+
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
+from multiprocessing import current_process
+from threading import local
+from typing import Any, TypeVar
+
+from studies.case import code_of
+from studies.failures import BadInput, Failed
+from studies.workers import KILLED, Ended, Worker
+
+T = TypeVar("T")
+#: How long a scheduler may take to answer, in s.
+CONNECT_S = 5.0
+_OWN = local()
+
+
+class Cluster:
+    """What answers at the address of a Dask scheduler, whose workers have the same code and libraries as we.
+
+    Raises:
+        BadInput: Dask is not installed here, no scheduler answers there, or its workers run other code.
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            self._distributed: Any = import_module("distributed")  # optional, and without types
+        except ImportError:
+            raise _refusal(
+                "the package distributed to be installed", "none (try crankslider[cluster])"
+            ) from None
+        for logger in ("distributed", "distributed.client", "distributed.core", "tornado.application"):
+            logging.getLogger(logger).setLevel(
+                logging.CRITICAL + 1
+            )  # what they tell with tracebacks we tell in a line
+        try:
+            self._client = self._distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+        except Exception as error:  # whatever a server that is no Dask makes of us
+            raise _refusal("the address of a Dask scheduler", f"{address} ({error or 'no answer'})") from None
+        try:
+            self._client.wait_for_workers(1, timeout=CONNECT_S)
+            codes = set(self._client.run(code_of, "reference").values())
+        except Exception as error:
+            self._client.close()
+            raise _refusal(
+                "a Dask cluster with workers that have crankslider installed", f"'{error}'"
+            ) from None
+        if others := codes - {code_of("reference")}:
+            self._client.close()
+            raise _refusal(
+                f"workers with our code and libraries ({code_of('reference')})", ", ".join(sorted(others))
+            )
+
+    def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
+        """Yield every item and what its call gave, as it ends.
+
+        Raises:
+            Failed: the scheduler is gone.
+        """
+        futures = {self._client.submit(_contained, call, item, pure=False): item for item in items}
+        done = self._distributed.as_completed(list(futures), loop=self._client.loop)
+        try:
+            for future in done:
+                try:
+                    result = future.result()
+                except self._distributed.KilledWorker as reason:  # with it died all that waited there
+                    result = Ended(KILLED, str(reason))
+                except (self._distributed.CancelledError, OSError) as error:
+                    raise Failed(f"the scheduler of the cluster is gone: {error}") from None
+                yield futures.pop(future), result
+        finally:
+            self._client.cancel(list(futures))
+
+    def __enter__(self) -> "Cluster":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._client.close()
+
+
+def _refusal(expected: str, came: str) -> BadInput:
+    return BadInput(f"--scheduler: expected {expected}, got {came}")
+
+
+def _contained(call: Callable[[Any], T], item: Any) -> T | Ended:
+    """Run a call on a Dask worker's thread, in a process of its own."""
+    current_process().daemon = False  # a nanny's workers may have no children; ours end with them
+    if not hasattr(_OWN, "worker"):
+        _OWN.worker = Worker()
+    try:
+        return _OWN.worker.run(call, item, limit_s=item.limit_s)  # type: ignore[no-any-return]
+    except Ended as end:
+        return end

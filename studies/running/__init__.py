@@ -1,1 +1,0 @@
-"""How cases run: on all cores or a cluster, kept as rows at once, resumed where they stopped."""

@@ -1,0 +1,119 @@
+"""Cases on a Dask cluster: a real scheduler and two real workers of this machine."""
+
+import socket
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from distributed import Client, LocalCluster
+
+import crankslider as cs
+from engine_models.engines import ENGINES
+from studies import case as case_module
+from studies import cluster
+from studies.case import code_of
+from studies.cluster import Cluster
+from studies.workers import Pool
+from tests.helpers.command import crankslider
+from tests.helpers.mischief import case, steady
+from tests.helpers.refusals import require_refusal
+from tests.helpers.running import run_in
+
+pytestmark = pytest.mark.system
+
+
+@pytest.fixture(scope="module")
+def local() -> Iterator[LocalCluster]:
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:  # type: ignore[no-untyped-call]
+        yield cluster
+
+
+@pytest.fixture
+def client(local: LocalCluster) -> Iterator[Client]:
+    with Client(local.scheduler_address, set_as_default=False) as client:  # type: ignore[no-untyped-call]
+        client.wait_for_workers(2, timeout=60)  # those that a test killed come back
+        yield client
+
+
+def test_a_cluster_gives_the_rows_that_processes_give(local: LocalCluster, tmp_path: Path) -> None:
+    cases = [case("simulate", 4, engine=engine) for engine in ENGINES]
+    # A process has room for one of Exudyn's builds.
+    cases += [case("simulate", number, engine="exudyn", fast=number % 2 == 0) for number in range(12, 16)]
+    with Pool(2) as pool, Cluster(local.scheduler_address) as workers:
+        here = run_in(tmp_path / "here", cases, pool)
+        there = run_in(tmp_path / "there", cases, workers)
+    assert [*map(steady, there)] == [*map(steady, here)]
+    assert [row["status"] for row in there] == ["ok"] * len(cases)
+
+
+def test_crashes_and_hangs_are_rows_of_theirs_and_what_is_timed_stays_on_this_machine(
+    local: LocalCluster, client: Client, tmp_path: Path
+) -> None:
+    before = set(client.scheduler_info()["workers"])
+    hangs = [case("hang", n, limit_s=3.0, pid_file=str(tmp_path / f"pid{n}")) for n in range(2)]
+    works = [case("work"), case("work", 1, timed=True)]
+    with Cluster(local.scheduler_address) as workers:
+        rows = run_in(tmp_path, [case("abort"), *hangs, *works], workers)
+    hung = ("hang", "timed out", "not finished within the limit of 3 s")
+    outcomes = {(row["arm"], row["status"], row["reason"]) for row in rows}
+    assert outcomes == {("work", "ok", ""), ("abort", "crashed", "killed by SIGABRT"), hung}
+    assert set(client.scheduler_info()["workers"]) == before
+    theirs = client.run(_children)
+    of_workers = set().union(*theirs.values())
+    worked = {row["samples"]: row["pid"] in of_workers for row in rows if row["arm"] == "work"}
+    assert worked == {1: True, 2: False}
+
+
+def _children() -> set[int | None]:
+    from multiprocessing import active_children
+
+    return {child.pid for child in active_children()}
+
+
+def pretend(code: str) -> None:
+    """Make a worker say that its code is this."""
+    case_module.project_code = lambda: code  # type: ignore[assignment]
+    code_of.cache_clear()
+
+
+def be_honest(project_code: Any) -> None:
+    case_module.project_code = project_code
+    code_of.cache_clear()
+
+
+def test_workers_with_other_code_are_refused(local: LocalCluster, client: Client, tmp_path: Path) -> None:
+    honest, ours = case_module.project_code, code_of("reference")
+    client.run(pretend, "other")
+    try:
+        done = crankslider("run", "--scheduler", local.scheduler_address, "--out", tmp_path / "out")
+    finally:
+        client.run(be_honest, honest)
+    expected = f"--scheduler: expected workers with our code and libraries ({ours}), got "
+    require_refusal(done.stdout, done.stderr, done.code, expected)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_no_scheduler_is_refused(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    worker = next(iter(client.scheduler_info()["workers"]))
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        for address in (worker, f"tcp://127.0.0.1:{port}", "tcp://127.0.0.1:1", "nonsense", ""):
+            done = crankslider("run", "--scheduler", address)
+            require_refusal(done.stdout, done.stderr, done.code, "--scheduler: expected ")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    done = crankslider("run", "--scheduler", "tcp://127.0.0.1:1")
+    require_refusal(done.stdout, done.stderr, done.code, "the package distributed", "crankslider[cluster]")
+
+
+def test_a_cluster_gives_the_rows_of_a_sweep_that_processes_give(local: LocalCluster, tmp_path: Path) -> None:
+    def swept(name: str, **how: Any) -> pd.DataFrame:
+        vary = {"clearance.B.radial_clearance_m": "1e-5:1e-3:log:8"}
+        out = tmp_path / f"{name}.parquet"
+        return cs.sweep("clearance-driven-0.5mm", vary, "pymunk", out=out, revolutions=0.02, **how).frame
+
+    there, here = swept("cluster", scheduler=local.scheduler_address), swept("here", jobs=2)
+    pd.testing.assert_frame_equal(there, here, check_exact=True)
