@@ -66,10 +66,7 @@ def run_cases(
     there = store.statuses()
     wanted = {name: {case.key: case for case in of} for name, of in cases.items()}
     lacking = {
-        key: case
-        for of in wanted.values()
-        for key, case in of.items()
-        if lacks(there.get(key), retry_failed)
+        key: case for of in wanted.values() for key, case in of.items() if lacks(there.get(key), retry_failed)
     }
     columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
     progress = Progress(*columns, console=progress_console(), disable=not lacking)

@@ -79,6 +79,12 @@ def gone(pid: int) -> bool:
 class Here:
     """Runs calls one after the other in this process, in place of a pool of others."""
 
+    def __enter__(self) -> "Here":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
     def results(self, call: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
         """Yield every item and what its call gave."""
         for item in items:

@@ -6,9 +6,8 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engines import make_engine
 from engine_models.pymunk.engine import PymunkEngine
-from studies.running.case import Case
-from studies.running.outcome import load_study
-from studies.running.registry import STUDIES
+from studies import STUDIES
+from studies.case import Case, load_study
 
 #: What a study may add to an arm beside its tolerances: it resolves contacts, or is only a build.
 RESOLVING = {"sweeps_leave", "steps_per_contact", "fast"}
@@ -45,7 +44,7 @@ def test_no_scene_of_a_study_shows_one_engine_under_two_labels(study: str) -> No
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_no_case_is_there_twice_and_the_full_set_contains_the_quick_one(study: str) -> None:
-    quick, full = ([case.key("") for case in load_study(study).cases(which)] for which in (False, True))
+    quick, full = ([case.key for case in load_study(study).cases(which)] for which in (False, True))
     assert len(set(quick)) == len(quick)
     assert len(set(full)) == len(full)
     assert set(quick) < set(full)

@@ -11,6 +11,7 @@ from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.library import CLEARANCE_SCENES
 from engine_models.scene.scene import Clearances, Scene
 from studies import clearance
+from studies.case import Case, run_case
 from studies.judges.converged_truth import (
     INDEPENDENT,
     REFERENCE,
@@ -20,8 +21,6 @@ from studies.judges.converged_truth import (
     truth_by,
 )
 from studies.ladders import ladder
-from studies.running.case import Case
-from studies.running.outcome import run_case
 from studies.work_precision import study as work_precision
 
 #: The first two impacts of set R and some flight.

@@ -15,10 +15,9 @@ from engine_models.scene.scene import Scene
 from reports.analysis.verdicts import Verdict, answers, verdict_on
 from reports.results import frame
 from studies import extremes
+from studies.case import Row, run_case
 from studies.extremes import changed, nearly_ideal, settled
 from studies.judges.converged_truth import converged
-from studies.running.case import Row
-from studies.running.outcome import run_case
 
 CASES = {(case.scene.name, case.engine, case.arm.name): case for case in extremes.cases(full=True)}
 QUICK = extremes.cases(full=False)

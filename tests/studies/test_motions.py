@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from studies import motions
-from studies.running.case import Case
-from studies.running.outcome import run_case
+from studies.case import Case, run_case
 
 #: Converged by an independent solver to the digits given: the first touch of set R in s, its peak in N.
 TOUCH_S, PEAK_N = 0.000227285, 45870.0

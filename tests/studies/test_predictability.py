@@ -12,8 +12,8 @@ from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies import predictability as study
+from studies.case import Case
 from studies.judges.horizon import Apart, apart, first_beyond_s, moved
-from studies.running.case import Case
 
 SET_R, TIGHT = "clearance-driven-0.5mm", "clearance-driven-0.02mm"
 REVOLUTION_S = 0.012

@@ -1,7 +1,6 @@
 """What studies write into rows, run again and resume, against what was worked out by hand."""
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,39 +12,9 @@ from engine_models.engine import Impacts, RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import ideal_driven
 from studies import clearance, energy
+from studies.case import Case
 from studies.ladders import ladder
-from studies.running import provenance
-from studies.running.case import Case
-from studies.running.finished_cases import opened
 from tests.studies.truth.closed_forms.crank_slider import exact
-
-
-def test_another_version_of_a_library_is_other_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = provenance.fingerprint("agreement", "reference")
-    provenance.fingerprint.cache_clear()
-    monkeypatch.setattr(provenance, "version", lambda _: "0")
-    assert provenance.fingerprint("agreement", "reference") != before
-    provenance.fingerprint.cache_clear()
-
-
-def test_what_is_run_again_depends_on_how_it_ended(tmp_path: Path) -> None:
-    """By how a case ended: whether a run that resumes makes it, and one that retries failures."""
-    expected = {
-        "ok": (False, False),
-        "unsupported": (False, False),
-        "failed": (False, True),
-        "timed out": (False, True),
-        "out of memory": (False, True),
-        "crashed": (False, True),
-        "killed from outside": (True, True),
-        "not begun": (True, True),
-    }
-    with opened(tmp_path, {"reference": "0" * 16}) as rows:
-        for status in expected:
-            rows.keep(status, {"engine": "reference", "status": status}, {})
-        found = {status: (rows.lacks(status, False), rows.lacks(status, True)) for status in expected}
-        assert rows.lacks("another", False)
-    assert found == expected
 
 
 def test_of_all_joints_impacts_are_counted_together_and_the_worst_error_counts() -> None:

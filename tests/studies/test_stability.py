@@ -13,8 +13,8 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import stiffness_of
 from reports.analysis.map_cells import VERDICTS as SHOWN
 from studies import stability
+from studies.case import Case, Value
 from studies.judges.metrics import finite
-from studies.running.case import Case, Value
 from studies.stability import ERROR, GAIN, LOSS, VIOLATION, first_impact
 
 

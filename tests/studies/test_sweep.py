@@ -16,7 +16,7 @@ import crankslider as cs
 from engine_models.mechanics.assembly import start_state
 from engine_models.scene.file import from_toml
 from engine_models.scene.parts import AnyScene
-from studies.running.finished_cases import Rows
+from studies.store import Store
 from studies.sweeps.closing import closed
 from studies.sweeps.members import Draw, Sample, drawn, values_of
 from tests.engines.mechanism_texts import FOUR_BAR_CLEARANCE
@@ -83,7 +83,7 @@ def test_a_jitter_moves_each_start_of_the_grid_around_the_scenes_own_angle() -> 
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Run members in this process."""
-    monkeypatch.setattr("studies.command.sweep.Processes", lambda _: Here())
+    monkeypatch.setattr("studies.command.sweep.Pool", lambda _: Here())
 
 
 def simulated(scene: AnyScene, revolutions: float, **how: Any) -> cs.Run:
@@ -95,7 +95,7 @@ def simulated(scene: AnyScene, revolutions: float, **how: Any) -> cs.Run:
 def swept(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     out = tmp_path_factory.mktemp("sweep") / "rows.parquet"
     with (
-        mock.patch("studies.command.sweep.Processes", return_value=Here()),
+        mock.patch("studies.command.sweep.Pool", return_value=Here()),
         pytest.warns(UserWarning, match=r"of 3 members have warnings .*: member [01]: slider position in"),
     ):
         return cs.sweep(TURNED, {CLEARANCE: [2e-4, 4e-4, 1e-3]}, transient=1, out=out, jobs=1).frame
@@ -188,16 +188,16 @@ def sweep(out: Path, values: list[float]) -> pd.DataFrame:
 def test_what_was_finished_before_an_interrupt_is_not_run_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept, keep, values = list[str](), Rows.keep, np.geomspace(1e-5, 1e-3, 5).tolist()
+    kept, keep, values = list[str](), Store.keep, np.geomspace(1e-5, 1e-3, 5).tolist()
 
-    def noted(rows: Rows, key: str, *row: Any) -> None:
+    def noted(store: Store, key: str, *row: Any) -> None:
         if len(kept) == 3:
             kept.clear()
             raise KeyboardInterrupt
-        keep(rows, key, *row)
+        keep(store, key, *row)
         kept.append(key)
 
-    monkeypatch.setattr(Rows, "keep", noted)
+    monkeypatch.setattr(Store, "keep", noted)
     with pytest.raises(KeyboardInterrupt):
         sweep(tmp_path / "rows.csv", values)
     assert not (tmp_path / "rows.csv").exists()

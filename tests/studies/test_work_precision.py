@@ -10,9 +10,8 @@ import pytest
 from engine_models import arms
 from engine_models.engine import BareRun
 from engine_models.engines import make_engine
+from studies.case import Row, run_case
 from studies.ladders import ladder
-from studies.running.case import Row
-from studies.running.outcome import run_case
 from studies.work_precision import study as work_precision
 
 
@@ -26,7 +25,7 @@ def test_every_round_times_the_same_rungs_in_an_order_of_its_own() -> None:
     first, *others = rounds.values()
     assert all(set(order) == set(first) for order in others)
     assert len({tuple(order) for order in rounds.values()}) == len(rounds)
-    one, again = ([case.key("") for case in work_precision.cases(full=False)] for _ in range(2))
+    one, again = ([case.key for case in work_precision.cases(full=False)] for _ in range(2))
     assert one == again, "which comes out again"
 
 

@@ -22,10 +22,9 @@ from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from reports.analysis.equal_error import SLIDER
 from studies import clearance
+from studies.case import Case, run_case
 from studies.judges.converged_truth import converged
 from studies.ladders import ladder
-from studies.running.case import Case
-from studies.running.outcome import run_case
 from studies.work_precision.study import NAME, SAMPLES, case_of
 from tests.benchmarks.rivals.problem import Answer, FloatArray
 

@@ -13,7 +13,7 @@ from engine_models.arms import BAUMGARTE
 from engine_models.engine import RunSettings
 from engine_models.scene.library import SCENES
 from reports.run.command import command
-from studies.running.case import Case
+from studies.case import Case
 from tests.helpers.command import Finished, crankslider
 from tests.studies.truth.closed_forms.crank_slider import exact
 

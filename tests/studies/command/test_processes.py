@@ -125,7 +125,7 @@ def test_an_interrupted_run_leaves_an_existing_file_alone(engine: str, tmp_path:
 #: An object that Ctrl-C finds half made, one whose destructor it strikes, and a command that meets them.
 HALF_MADE = """
 import signal, sys, time
-from studies.running import failures
+from studies import failures
 from studies.command import main
 
 class HalfMade:

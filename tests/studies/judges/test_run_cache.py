@@ -11,7 +11,6 @@ from engine_models.scene.scene import Scene
 from reference_solver.compiled.folder import VARIABLE, kernel_folder
 from studies.judges import run_cache
 from studies.judges.run_cache import kept_run
-from studies.running.closure import closure
 from tests.helpers.arrays import arrays
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-10)
@@ -53,10 +52,9 @@ def test_whatever_decides_a_run_makes_another_and_a_study_s_code_does_not(
     ):
         kept_run(*asked)
     assert len(runs) == 4
-    modules = closure(ReferenceEngine.__module__).files
-    assert {"reference_solver.methods", "engine_models.scene.scene"} < modules.keys()
-    assert not [name for name in modules if name.startswith("studies")]
-    monkeypatch.setattr(run_cache, "engine_fingerprint", lambda module: f"other code of {module}")
+    assert {"reference_solver", "engine_models", "studies/truth"} < set(run_cache.CODE)
+    assert "studies" not in run_cache.CODE
+    monkeypatch.setattr(run_cache, "project_code", lambda folders: f"other code of {folders}")
     kept_run(SHARP, SCENE, SETTINGS)
     assert len(runs) == 5
 

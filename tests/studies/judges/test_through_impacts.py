@@ -11,9 +11,9 @@ from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
+from studies.case import Row
 from studies.clearance import impacts_of
 from studies.judges.comparison import compared, judged
-from studies.running.case import Row
 from tests.helpers.arrays import joint_forces
 
 #: Four impacts, and the samples of the work-precision study.
