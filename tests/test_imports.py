@@ -22,8 +22,7 @@ ALLOWED = {
     "studies/truth": {"engine_models", "reference_solver"},  # a mechanism's data, its machine code's store
     "studies/command": {"engine_models", "reports"},
     "studies/conformance": {"engine_models", "reports"},  # the rule by which an order is one
-    "reports": set(),
-    "reports/chapters/method.py": {"engine_models"},  # what the names of configurations mean
+    "reports": {"engine_models", "studies"},  # words of refusals, names of configurations, rows
     DOOR: {"engine_models", "studies"},
 }
 #: What the truth may import of all packages: the physics as data, and the form of answers. Machine code is
@@ -40,7 +39,7 @@ FILES = [
     *sorted(path.relative_to(ROOT).as_posix() for p in PACKAGES for path in (ROOT / p).rglob("*.py")),
 ]
 TESTS = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("*.py"))
-MOST_ENTRIES = 20
+MOST_ENTRIES = 28
 ENGINE_ROOMS = tuple(f"engine_models/{room}/" for room in ("reference", "exudyn", "pymunk", "scipy_ivp"))
 
 

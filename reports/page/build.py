@@ -101,15 +101,17 @@ def require_replaceable(out: Path) -> None:
 
 def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
     """Return the results by study, and the studies that have none."""
-    studies, missing = {}, {}
+    studies, missing = dict[str, Results](), list[str]()
     for study in dict.fromkeys(name for chapter in CHAPTERS for name in chapter.studies):
         try:
             studies[study] = read_study(folder, study)
-        except NoResults as reason:
-            missing[study] = str(reason)
+        except NoResults:
+            missing.append(study)
     if not studies:
-        raise NoResults("; ".join(missing.values()))
-    return studies, list(missing)
+        raise NoResults(
+            f"--results: expected the results of a study, got none in {folder}: `crankslider run` makes some"
+        )
+    return studies, missing
 
 
 def _write_part(

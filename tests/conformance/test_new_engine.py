@@ -4,14 +4,14 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from studies.running.case import Case
+from studies.running.outcome import load_study, run_case
+from studies.running.registry import STUDIES
 
 from engine_models import arms, engines
 from engine_models.arms import NAMED, Arm
 from engine_models.engines import engine_class, make_engine
 from reports.style import legend_place, line_styles
-from studies.running.case import Case
-from studies.running.outcome import load_study, run_case
-from studies.running.registry import STUDIES
 
 pytestmark = pytest.mark.system
 

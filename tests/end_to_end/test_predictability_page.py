@@ -187,8 +187,8 @@ def test_means_have_students_interval_over_members(studies: Studies) -> None:
     assert (hits.low, hits.high) == pytest.approx((mean - half, mean + half))
 
 
-def test_without_curves_the_figures_of_curves_are_left_out(studies: Studies, tmp_path: Path) -> None:
-    bare = replace(studies["predictability"], folder=tmp_path)
+def test_without_curves_the_figures_of_curves_are_left_out(studies: Studies) -> None:
+    bare = replace(studies["predictability"], store=None)
     assert not bare.has_curves
     assert list(CHAPTER.figures({"predictability": bare})) == []
     names = [each.name for each in CHAPTER.findings({"predictability": bare})]

@@ -6,6 +6,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from studies.running.closure import closure
 
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.engine import ExudynEngine
@@ -16,7 +17,6 @@ from studies.command.trajectory_table import sample_columns
 from studies.extremes import gallery
 from studies.judges.converged_truth import COLLOCATION, EXTRAPOLATION
 from studies.judges.metrics import energy_balance_residual_J
-from studies.running.closure import closure
 from studies.truth import equations, motion, rigid_walls, stepping
 from studies.truth.solver import TrueSolver
 from tests.engines.mechanism_texts import (
