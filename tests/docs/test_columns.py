@@ -4,13 +4,13 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from itertools import product
-from pathlib import Path
 
 import crankslider as cs
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.file import from_toml
 from reports.results import published_rows
+from studies import STUDIES
 from studies.command.trajectory_table import impact_columns, sample_columns
 from tests.docs.pages import ROOT, table
 from tests.helpers.machines import MACHINES
@@ -31,7 +31,7 @@ OF_THE_FULL_SET = {
     *("compiled_anew", "compile_time_s", "slider_{force,viscous,spring,gas}_work_J", "direction"),
     *("contact_{O,A,B}_friction_force_N", "radial_clearance_m", "crank_speed_rpm"),
 }
-PUBLISHED = sorted((ROOT / "reports" / "published").rglob("rows.jsonl.xz"))
+PUBLISHED = ROOT / "reports/published/results"
 
 
 def names(page: str, first: str) -> list[str]:
@@ -91,16 +91,10 @@ def test_the_columns_of_a_mechanism_are_on_the_page_and_no_others() -> None:
 
 def test_the_columns_of_published_rows_are_those_on_the_page() -> None:
     """Joints, directions, loads and limits stand for each other; some have no row of theirs."""
-    published = {name for path in PUBLISHED for name in columns_of(path)}
+    published = {name for study in STUDIES for row in published_rows(PUBLISHED, study) for name in row}
     known = set(names("docs/reference/rows.md", "column"))
     assert {name for name in published if not name.startswith("setting_")} - known == set()
     cells = " ".join(row["column"] for row in table("docs/reference/rows.md", "column"))
     patterns = re.findall(r"`([^`]+)`", cells)
     unseen = {p for p in patterns if p != "setting_*" and not published & set(written_out(p))}
     assert unseen <= OF_THE_FULL_SET
-
-
-def columns_of(path: Path) -> set[str]:
-    """Return the columns of a study's rows, with those that are not published."""
-    own = {name for row in published_rows(path.parent) for name in row}
-    return own | {"checksum", "curves_checksum"}

@@ -30,7 +30,7 @@ def started(
     out: Path, first: str = HEAR, cwd: Path | None = None, **environment: str
 ) -> Iterator["subprocess.Popen[str]"]:
     """Start a run of the study into ``out`` with a statement before all others; it ends here at last."""
-    command = [sys.executable, "-c", first + CODE, "run", "--full", "--jobs", "2", "--out", str(out)]
+    command = [sys.executable, "-c", first + CODE, "run", "--full", "--jobs", "4", "--out", str(out)]
     environment = {**os.environ, **environment}
     with subprocess.Popen(
         command, cwd=cwd, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True

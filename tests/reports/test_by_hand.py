@@ -23,7 +23,7 @@ POSITION, DOUBT = "slider_position_error_m", "slider_position_uncertainty_m"
 def row(label: str, step: float, **columns: Any) -> dict[str, Any]:
     engine, arm = label.removesuffix(")").split(" (")
     head = {"scene": "s", "engine": engine, "arm": arm, "label": label, "step_s": step, "end_time_s": 1.0}
-    head |= {"case": f"{label} {step} {columns}", "fingerprint": "0", "status": "ok", "reason": ""}
+    head |= {"case": f"{label} {step} {columns}", "status": "ok", "reason": ""}
     return head | columns
 
 

@@ -198,7 +198,7 @@ def test_levels_are_powers_of_ten_that_at_least_two_settings_bracket_above_the_f
 def rows_of(**recorded: Any) -> list[dict[str, Any]]:
     """Return a recorded run with two timed ones."""
     head = {"scene": "s", "engine": "reference", "arm": "located", "label": "reference (located)"}
-    case = {**head, "case": "0", "fingerprint": "0", "step_s": 0.1, "status": "ok", "reason": "", **recorded}
+    case = {**head, "case": "0", "step_s": 0.1, "status": "ok", "reason": "", **recorded}
     return [{**case, "steps": 9}, *({**case, "round": k, "solve_time_s": 1.0 + k} for k in (1, 0))]
 
 

@@ -231,7 +231,7 @@ def test_the_page_says_what_made_its_rows_and_whether_the_run_came_to_its_end(
 
 
 def test_no_results_is_said_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(NoResults, match=r"^--results: expected the results of a study, got none in .*nowhere: "):
+    with pytest.raises(NoResults, match=r"^--results: expected the results of a study, got none in "):
         write_report(tmp_path / "nowhere", tmp_path / "out" / "report")
     assert list(tmp_path.iterdir()) == []
 

@@ -25,7 +25,6 @@ def rows(engine: str, settings: tuple[tuple[float, float], ...], **more: Any) ->
     for tolerance, (error, time) in zip(TOLERANCES, settings, strict=True):
         head = {
             "case": f"{engine}{tolerance}",
-            "fingerprint": engine,
             "scene": "mine",
             "engine": engine,
             "arm": "arm",

@@ -147,7 +147,7 @@ def test_the_code_is_every_file_that_decides_a_number_and_the_versions(
 
 def test_what_is_run_again_depends_on_how_it_ended() -> None:
     """By how a case ended: whether a run that resumes makes it, and one that retries failures."""
-    expected = {
+    expected: dict[str | None, tuple[bool, bool]] = {
         None: (True, True),
         "ok": (False, False),
         "unsupported": (False, False),
