@@ -2,13 +2,11 @@
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
-from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.scene.scene import Clearance, Friction
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
 from studies.truth.physics import damping_of
@@ -25,8 +23,6 @@ PRINTED = {
     "carvalho-martins": (1.4318181818, 0.1664835165),
 }
 DIGITS = 1e-9
-#: Central differences over a thousandth of the depth: the third derivative leaves less than this part.
-DIFFERENCE, SLOPE = 1e-3, 1e-5
 deterministic = settings(max_examples=60, deadline=None, derandomize=True)
 depths = st.floats(1e-7, 1e-3)
 rates = st.floats(-2.0, 2.0)
@@ -44,20 +40,6 @@ def test_damping_factors_are_those_printed_in_both_codes(law: str) -> None:
 def clearance(law: str, **fields: float) -> Clearance:
     data = {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, "law": law, **fields}
     return Clearance.model_validate(data)
-
-
-@given(depths, stiffnesses, st.sampled_from([None, 1.0, 1.5, 2.2]))
-@deterministic
-def test_an_elastic_force_is_the_slope_of_its_energy(
-    depth: float, stiffness: float, exponent: float | None
-) -> None:
-    given_exponent = {} if exponent is None else {"exponent": exponent}
-    law = clearance("hertz", stiffness=stiffness, **given_exponent)
-    force, spring, _ = normal_force(law_numbers(law), depth, 0.0, 1.0)
-    below, above = elastic_energy_J(law, np.array([1 - DIFFERENCE, 1 + DIFFERENCE]) * depth)
-    assert force == spring
-    assert (above - below) / (2 * DIFFERENCE * depth) == pytest.approx(force, rel=SLOPE)
-    assert elastic_energy_J(law, np.array([-depth])) == 0.0
 
 
 @pytest.mark.parametrize("law", [*PRINTED, "hertz", "kelvin-voigt"])
