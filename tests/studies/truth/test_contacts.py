@@ -99,8 +99,8 @@ def test_a_rigid_wall_gives_newton_s_restitution_and_coulomb_s_friction(
     coefficient: float, sticks: bool, solver: TrueSolver
 ) -> None:
     """A disc that spins slides through its impact, or sticks to the wall of its bearing."""
-    told = {"restitution": 0.7, "friction.law": '"tanh"', "friction.regularisation_speed_m_s": 1e-3}
-    back, lasted, spin = bounced(solver, "rigid", **told, **{"friction.coefficient": coefficient})
+    friction = f"{{ law = 'tanh', coefficient = {coefficient}, regularisation_speed_m_s = 1e-3 }}"
+    back, lasted, spin = bounced(solver, "rigid", restitution=0.7, friction=friction)
     assert back == pytest.approx(0.7 * SPEED, rel=1e-13)
     assert lasted == 0.0
     radius = 0.01 - ROOM
