@@ -295,14 +295,10 @@ def course(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return COURSE(at) - COURSE(0.05), COURSE(at, 1), COURSE(at, 2)
 
 
-def slope_at(curve: CubicSpline, at: float) -> float:
-    return float(curve(at, 1))
-
-
 WAYS = {
     "ramp": Way({"kind": "ramp", "final_speed_m_s": -0.15, "ramp_time_s": 0.2}, 0.1, ramp, 0.05),
     "table": Way(
-        {"kind": "table", "time_s": TIMES, "position_m": PLACES}, slope_at(COURSE, 0.05), course, 0.05
+        {"kind": "table", "time_s": TIMES, "position_m": PLACES}, float(COURSE(0.05, 1)), course, 0.05
     ),
 }
 

@@ -75,16 +75,6 @@ def test_a_second_run_has_a_time_left_of_its_own(capsys: pytest.CaptureFixture[s
     assert last.startswith("note: t = 1e-09 s of 2 s in run 2 after 0 s, about ")
 
 
-def test_a_long_run_is_not_silent_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    said, deadline = "", time.monotonic() + 30
-    with shown_progress(2.0, line_s=0.01):
-        while said.count("\n") < 2 and time.monotonic() < deadline:
-            time.sleep(0.01)
-            said += capsys.readouterr().err
-    assert said.startswith("note: t = ")
-    assert " of 2 s after " in said
-
-
 def rubbing(speed_m_s: float) -> dict[str, object]:
     return {"friction": {"law": "tanh", "coefficient": 0.1, "regularisation_speed_m_s": speed_m_s}}
 
