@@ -1,5 +1,6 @@
 """The pool of ``workers`` on a Dask cluster: each call in a process of its own beside a Dask worker."""
 
+import asyncio
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
@@ -36,9 +37,13 @@ class Cluster:
                 logging.CRITICAL + 1
             )  # what they tell with tracebacks we tell in a line
         try:
-            self._client = self._distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+            # Asked before there is a client: one that cannot connect complains once more at its end.
+            server = asyncio.run(asyncio.wait_for(self._identity(address), 1.2 * CONNECT_S))["type"]
         except Exception as error:  # whatever a server that is no Dask makes of us
             raise _refusal("the address of a Dask scheduler", f"{address} ({error or 'no answer'})") from None
+        if server != "Scheduler":
+            raise _refusal("the address of a Dask scheduler", f"that of a {server}")
+        self._client = self._distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
         try:
             self._client.wait_for_workers(1, timeout=CONNECT_S)
             codes = set(self._client.run(code_of, "reference").values())
@@ -52,6 +57,10 @@ class Cluster:
             raise _refusal(
                 f"workers with our code and libraries ({code_of('reference')})", ", ".join(sorted(others))
             )
+
+    async def _identity(self, address: str) -> Any:
+        async with self._distributed.rpc(address, timeout=CONNECT_S) as server:
+            return await server.identity()
 
     def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
         """Yield every item and what its call gave, as it ends.

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -14,11 +14,11 @@ from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
 from studies.conformance.claims import (
     CLAIMS,
+    Finding,
     Trial,
     impacts_are_as_strong_as_they_should_be,
     observed_is_where_it_should_be,
 )
-from studies.conformance.orders import states_its_order
 
 Change = Callable[[Trajectory], Trajectory]
 
@@ -99,6 +99,20 @@ def test_a_claim_fails_of_what_it_is_about(change: Change, broken: set[str]) -> 
     assert {sentence for sentence, claim in CLAIMS.items() if not claim(trial).holds} == broken
 
 
+@dataclass(frozen=True)
+class OfItsOwnLaw(Altered):
+    """It solves another clearance than the scene's, five times as tight, and may say so."""
+
+    change: Change = unaltered
+    told: bool = True
+
+    def twin(self, scene: T) -> T:
+        return scene.replace("clearance.B.radial_clearance_m", 1e-4) if self.told else scene
+
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+        return super().simulate(replace(self, told=True).twin(scene), settings)
+
+
 def with_impacts(run: Trajectory, stronger: float = 1.0, missed: int = 0) -> Trajectory:
     """Return a run with other peaks, and without some of its impacts."""
     contact = run.contacts["B"]
@@ -107,101 +121,31 @@ def with_impacts(run: Trajectory, stronger: float = 1.0, missed: int = 0) -> Tra
     return replace(run, contacts={"B": replace(contact, impacts=Impacts(**kept))})
 
 
-@pytest.mark.parametrize(
-    ("changes", "measured"),
-    [({}, ""), ({"stronger": 1.2}, "2.0e-01 of the largest"), ({"missed": 1}, "1 impacts too few")],
-    ids=["unaltered", "stronger", "missed"],
-)
-def test_impacts_are_all_there_and_as_strong_as_in_truth(changes: dict[str, Any], measured: str) -> None:
-    trial = Trial(Altered(lambda run: with_impacts(run, **changes)), SCENES["clearance-driven-0.5mm"]())
-    found = impacts_are_as_strong_as_they_should_be(trial)
-    assert found.holds == (not changes), found.measured
-    assert measured in found.measured
-
-
-@dataclass(frozen=True)
-class OfItsOwnLaw(Altered):
-    """It solves another clearance than the scene's, five times as tight, and says so."""
-
-    change: Change = unaltered
-
-    def twin(self, scene: T) -> T:
-        return scene.replace("clearance.B.radial_clearance_m", 1e-4)
-
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
-        return super().simulate(self.twin(scene), settings)
-
-
-@dataclass(frozen=True)
-class Hushed(OfItsOwnLaw):
-    """It does so, and does not say it."""
-
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
-        return super().simulate(OfItsOwnLaw.twin(self, scene), settings)
-
-    def twin(self, scene: T) -> T:
-        return scene
-
-
-def test_the_slider_is_held_to_the_law_that_an_engine_says_it_solves() -> None:
-    scene = SCENES["clearance-driven-0.5mm"]()
-    assert observed_is_where_it_should_be(Trial(OfItsOwnLaw(), scene)).holds
-    assert not observed_is_where_it_should_be(Trial(Hushed(), scene)).holds
-
-
-@dataclass(frozen=True)
-class ByTolerance(Altered):
-    """It is off by a length in m, and sharpened by a factor less."""
-
-    off_m: float = 1e-6
-    factor: float = 10.0
-    order: ClassVar[int | None] = None
-
-    def sharper(self) -> "ByTolerance":
-        return replace(self, off_m=self.off_m / self.factor)
-
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
-        run = make_engine("reference", method="dop853").simulate(scene, settings)
-        return replace(run, position=run.position + self.off_m)
-
-
-@pytest.mark.parametrize(("factor", "holds"), [(3.0, False), (10.0, True)])
-def test_an_error_that_hardly_falls_with_its_tolerance_is_no_order(factor: float, holds: bool) -> None:
-    """Sharpened three times it has to be a hundredth: three times 3 is 27, and three times 10 is 1000."""
-    assert states_its_order(ByTolerance(unaltered, factor=factor)).holds == holds
-
-
-@dataclass(frozen=True)
-class OfRoundOff(Altered):
-    """Its error falls from ``off_m`` at 0.2 ms with its true order; its round-off adds up by chance."""
-
-    off_m: float = 1e-6
-    true_order: int = 2
-    round_off_m: float = 0.0
-    order: ClassVar[int | None] = 2
-
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
-        run = make_engine("reference", method="dop853").simulate(scene, settings)
-        step_s = settings.step_used_s(scene.end_time_s)
-        size_m = self.round_off_m * (2e-4 / step_s) ** 0.5
-        noise = size_m * np.random.default_rng(round(1 / step_s)).uniform(-1, 1, len(run.time_s))
-        position = run.position.copy()
-        position[:, -1, 0] += self.off_m * (step_s / 2e-4) ** self.true_order + noise
-        return replace(run, position=position, step_s=step_s)
+PLACE, STRENGTH = observed_is_where_it_should_be, impacts_are_as_strong_as_they_should_be
 
 
 @pytest.mark.parametrize(
-    ("engine", "measured"),
+    ("engine", "claim", "measured"),
     [
-        (OfRoundOff(unaltered), "2.00, and 2 is stated"),
-        (OfRoundOff(unaltered, true_order=4), "3.99, and 2 is stated"),
-        (OfRoundOff(unaltered, 2e-6, round_off_m=1e-9), "1.99, and 2 is stated"),  # 0.67 of the finest four
-        (OfRoundOff(unaltered, 1e-8, round_off_m=1e-9), "and none can be measured (too few points)"),
-        (OfRoundOff(unaltered, 0.0, round_off_m=1e-9), "and none can be measured (flat)"),
+        (OfItsOwnLaw(), PLACE, ""),
+        (OfItsOwnLaw(told=False), PLACE, "m off"),
+        (Altered(unaltered), STRENGTH, ""),
+        (
+            Altered(lambda run: with_impacts(run, stronger=1.2)),
+            impacts_are_as_strong_as_they_should_be,
+            "2.0e-01 of",
+        ),
+        (
+            Altered(lambda run: with_impacts(run, missed=1)),
+            impacts_are_as_strong_as_they_should_be,
+            "1 impacts too few",
+        ),
     ],
-    ids=["order 2", "order 4", "order 2 down to round-off", "hardly above round-off", "round-off alone"],
+    ids=["its own law", "another law", "unaltered", "stronger", "missed"],
 )
-def test_an_order_is_measured_above_round_off_alone(engine: OfRoundOff, measured: str) -> None:
-    found = states_its_order(engine)
-    assert found.holds == (measured in ("2.00, and 2 is stated", "1.99, and 2 is stated"))
-    assert measured in found.measured, found.measured
+def test_contacts_are_held_to_the_law_that_an_engine_says_it_solves(
+    engine: Engine, claim: Callable[[Trial], Finding], measured: str
+) -> None:
+    found = claim(Trial(engine, SCENES["clearance-driven-0.5mm"]()))
+    assert found.holds == (not measured), found.measured
+    assert measured in found.measured

@@ -54,12 +54,14 @@ METHODS = {
     ("scipy method=odeint", "everything"): None,
     ("scipy method=dop853", "everything"): None,
 }
-#: Each engine by a method that a tolerance decides, on a scene that it runs by it.
+#: Each engine by methods that a tolerance decides, on a scene that it runs by them.
 CONTROLLED = {
     "reference method=dop853 step_tolerance=1e-6": "everything",
     "reference method=dopri5 step_tolerance=1e-6": "everything",
     "exudyn solver=DOPRI5 step_tolerance=1e-6": "bead",
     "scipy rtol=1e-6 atol=1e-8": "everything",
+    **{f"scipy method={method} rtol=1e-6 atol=1e-8": "free" for method in ("RK45", "LSODA", "Radau")},
+    **{f"scipy method={method} rtol=1e-6 atol=1e-8": "free" for method in ("odeint", "dop853")},
 }
 #: What is not an engine's, and in which words.
 REFUSED = {

@@ -17,7 +17,6 @@ from engine_models.exudyn.engine import ExudynEngine
 from engine_models.exudyn.model import build_model
 from engine_models.exudyn.solver import silence
 from engine_models.mechanics.assembly import start_state, started_from
-from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.energy import energy_balance_residual_J
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.quality import constraint_violation_m
@@ -96,16 +95,6 @@ def test_every_law_of_the_family_is_exudyns_own_to_round_off(law: Any, restituti
     # The depth of 1e-5 m is a difference of coordinates of 0.06 m: 14 digits less 4.
     assert -exudyn_force(pressed(gap, 0.3, 0.0))[0] == pytest.approx(expected, rel=1e-11)
     assert native_law(gap).restitution > 0
-
-
-@pytest.mark.parametrize(
-    ("law", "exponent", "damping"),
-    [("linear", 1.0, None), ("hertz", 1.5, None), ("kelvin-voigt", 1.0, 300.0)],
-)
-def test_laws_without_restitution_are_exudyns_own(law: Any, exponent: float, damping: float | None) -> None:
-    sizes: dict[str, Any] = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "damping_N_s_m": damping}
-    force = exudyn_force(pressed(Clearance(**sizes, law=law, stiffness=1e8), 0.3, 0.0))
-    assert -force[0] == pytest.approx(1e8 * 1e-5**exponent + (damping or 0.0) * 0.3, rel=1e-10)
 
 
 def test_friction_follows_the_normal_forces_sign_so_a_pulling_contact_drives_the_sliding() -> None:
@@ -246,20 +235,6 @@ def by_table(entries: int) -> Scene:
     start = {"crank_angle_rad": 0.5, "crank_speed_rad_s": float(table.spline()(0.0, 1))}
     of = ideal_driven()
     return of.model_copy(update={"drive": table, "start": of.start.model_copy(update=start)})
-
-
-@pytest.mark.parametrize(
-    "drive",
-    [
-        {"kind": "ramp", "final_speed_rad_s": 100.0, "ramp_time_s": 0.01},
-        {"kind": "fluctuating", "amplitude_rad_s": 50.0, "frequency_Hz": 90.0, "phase_rad": 0.4},
-    ],
-)
-def test_a_prescribed_speed_is_exact_at_every_step_however_long(drive: dict[str, Any]) -> None:
-    of = ideal_driven().replace({"drive": drive, "start.time_s": 0.004})
-    motion, found = crank_motion(of), run(of, 2e-4, 120)
-    assert motion is not None
-    assert np.abs(found.velocity[:, 0, 2] - motion.speed_rad_s(found.time_s)).max() < 1e-10
 
 
 def test_a_tables_entries_within_steps_leave_no_force_that_rings() -> None:

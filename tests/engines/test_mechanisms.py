@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
-from engine_models.mechanics.assembly import assembled, start_state
+from engine_models.mechanics.assembly import assembled, start_state, started_from
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.mechanics.quality import constraint_violation_m
 from engine_models.mechanics.states import observed
@@ -17,7 +17,7 @@ from engine_models.reference.inspection import inspect
 from engine_models.scene.file import SceneError
 from engine_models.scene.general import GeneralScene
 from engine_models.scene.library import IDEAL_SCENES, clearance_pendulum
-from engine_models.scene.parts import BodyState, Place
+from engine_models.scene.parts import Place
 from engine_models.scene.scene import Scene
 from tests.engines.mechanism_texts import (
     CRANK_SLIDER,
@@ -30,13 +30,12 @@ from tests.engines.mechanism_texts import (
     four_bars,
     scene,
 )
-from tests.engines.runs import engine, run
+from tests.engines.runs import run
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
-#: How far engines are off the ends at most, in m and rad. Three times what DOP853 at 1e-12 and RK4 in 4000
-#: steps were when such runs were first made, by other programs: other compilers, and other steps by a hair,
-#: change errors by less. What the trapezoidal rule was in so many steps; what impulses and sweeps leave in as
-#: many as they need; SciPy at 1e-12.
+#: How far engines are off the ends at most, in m and rad. Three times what DOP853 at 1e-12 was when such runs
+#: were first made, by other programs: other compilers, and other steps by a hair, change errors by less. What
+#: impulses and sweeps leave in as many steps as they need; SciPy at 1e-12.
 DOP853, SCIPY = "reference method=dop853 step_tolerance=1e-12", "scipy rtol=1e-12 atol=1e-13"
 WITHIN: dict[str, dict[str, tuple[int, float]]] = {
     DOP853: {
@@ -49,24 +48,6 @@ WITHIN: dict[str, dict[str, tuple[int, float]]] = {
         "v-twin": (1, 1.3e-12),
         "four-bar-clearance": (1, 2.5e-10),
         "crank-slider-clearance": (1, 3e-12),
-    },
-    "reference": {
-        "crank-slider": (4000, 1.2e-6),
-        "offset-crank-slider": (4000, 1.2e-6),
-        "four-bar": (4000, 1.3e-10),
-        "andrews": (4000, 1.1e-10),
-        "scotch-yoke": (4000, 2.4e-11),
-        "quick-return": (4000, 2e-10),
-        "v-twin": (4000, 8.1e-13),
-    },
-    "exudyn": {
-        "crank-slider": (32_000, 9.7e-5),
-        "offset-crank-slider": (32_000, 2.1e-5),
-        "four-bar": (8000, 4.2e-6),
-        "andrews": (8000, 5.8e-6),
-        "scotch-yoke": (8000, 6.2e-7),
-        "quick-return": (8000, 2.7e-7),
-        "v-twin": (8000, 3.8e-8),
     },
     "pymunk": {
         "offset-crank-slider": (24_000, 5.8e-4),
@@ -272,19 +253,6 @@ def test_whole_turns_come_out_as_they_are_told() -> None:
     assert np.abs(other.position - expected).max() < 1e-9
 
 
-def test_a_start_by_every_body_s_state_goes_on_where_a_run_was() -> None:
-    of = general(FOUR_BAR)
-    whole = run(DOP853, of, 1)
-    states = {
-        name: dict(zip(BodyState.model_fields, [*q.tolist(), *v.tolist()], strict=True))
-        for name, q, v in zip(of.body, whole.position[8], whole.velocity[8], strict=True)
-    }
-    rest = GeneralScene.checked(of.model_dump(exclude_none=True) | {"start": states, "end_time_s": 0.3})
-    found = engine(DOP853).simulate(rest, RunSettings(0.3, 12))
-    assert np.abs(found.position - whole.position[8:]).max() < 1e-10
-    assert "start: as the file gives it, the state of every body" in inspect(rest)
-
-
 SIZES = {
     "four-bar": "3 bodies, 4 joints; 8 rows of rank 8",
     "andrews": "7 bodies, 10 joints, 1 spring; 20 rows of rank 20",
@@ -324,9 +292,13 @@ def test_check_finds_when_a_parallelogram_is_flat() -> None:
     assert end == 1.0, "it only comes near"
     # Near the flat position the value is a multiple of the angle's distance from it.
     assert near / value == pytest.approx((flat - 1.0) / abs(when - flat), rel=0.1)
-    plain = scene(CRANK_SLIDER)
-    assert isinstance(plain, Scene)
-    assert inspect(plain)[1] == "start: by the closed formulas of a crank-slider or a pendulum"
+
+
+def test_check_tells_of_starts_that_are_not_put_together() -> None:
+    of = general(FOUR_BAR)
+    told = "start: as the file gives it, the state of every body"
+    assert told in inspect(started_from(of, *start_state(of)))
+    assert "start: by the closed formulas of a crank-slider or a pendulum" in inspect(scene(CRANK_SLIDER))
 
 
 # Corners of the general form: names, whole turns, legs too many, springs without length.

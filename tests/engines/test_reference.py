@@ -19,7 +19,6 @@ from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.mechanics.states import observed
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.general import GeneralScene
 from engine_models.scene.library import CLEARANCE_SCENES
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
@@ -296,14 +295,10 @@ def course(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return COURSE(at) - COURSE(0.05), COURSE(at, 1), COURSE(at, 2)
 
 
-def slope_at(curve: CubicSpline, at: float) -> float:
-    return float(curve(at, 1))
-
-
 WAYS = {
     "ramp": Way({"kind": "ramp", "final_speed_m_s": -0.15, "ramp_time_s": 0.2}, 0.1, ramp, 0.05),
     "table": Way(
-        {"kind": "table", "time_s": TIMES, "position_m": PLACES}, slope_at(COURSE, 0.05), course, 0.05
+        {"kind": "table", "time_s": TIMES, "position_m": PLACES}, float(COURSE(0.05, 1)), course, 0.05
     ),
 }
 
@@ -352,66 +347,3 @@ def test_a_bearing_on_the_other_body_turns_the_gap_round_and_nothing_else(name: 
     )
     explicit = ran(of.replace("clearance.B.bearing", "rod"))
     assert np.abs(own.position - explicit.position).max() < 1e-9
-
-
-CART = """
-name = "block on a cart"
-end_time_s = 0.5
-observe = "W.x"
-body.cart = { pins_m = { W = 0.0 }, mass_kg = 2.0, inertia_kg_m2 = 0.05, centre_of_mass_m = [0.1, 0.04] }
-body.block = { pins_m = { P = 0.0 }, mass_kg = 0.7, inertia_kg_m2 = 0.01 }
-guide.track = { body = "block", pin = "P", on = "cart", through_m = [0.1, 0.04], angle_rad = 0.6 }
-load.block = { LOADS }
-start.cart = { CART }
-start.block = { BLOCK }
-"""
-KEYS = ("x_m", "y_m", "angle_rad", "velocity_x_m_s", "velocity_y_m_s", "angular_velocity_rad_s")
-STATE = ", ".join(f"{key} = {{}}" for key in KEYS)
-
-
-def cart(loads: str, cart: tuple[float, ...], block: tuple[float, ...]) -> GeneralScene:
-    """Return a block on a free cart."""
-    text = CART.replace("LOADS", loads).replace("CART", STATE.format(*cart))
-    of = scene(text.replace("BLOCK", STATE.format(*block)))
-    assert isinstance(of, GeneralScene)
-    return of
-
-
-def slid(run: Trajectory) -> FloatArray:
-    """Return how far along its guide the block is on a cart that does not turn."""
-    apart = run.position[:, 1, :2] - run.position[:, 0, :2]
-    return np.asarray(apart @ [math.cos(0.6), math.sin(0.6)])
-
-
-def momenta(of: AnyScene, run: Trajectory) -> FloatArray:
-    """Return the momenta along x and y, and the one about the origin, (n, 3)."""
-    bodies = of.mechanism.bodies
-    masses, inertias = (np.array([getattr(b, k) for b in bodies]) for k in ("mass_kg", "inertia_kg_m2"))
-    (x, y, _), (vx, vy, spin) = run.position.transpose(2, 0, 1), run.velocity.transpose(2, 0, 1)
-    return np.stack([vx @ masses, vy @ masses, (x * vy - y * vx) @ masses + spin @ inertias], axis=1)
-
-
-def test_a_load_along_a_guide_pushes_back_on_a_moving_body() -> None:
-    mu, (ux, uy) = 2.0 * 0.7 / 2.7, (math.cos(0.6), math.sin(0.6))
-    still = (0.1 * ux, 0.1 * uy, 0.0, 0.0, 0.0, 0.0)
-    # At rest, with the guide's line through both centres of mass, nothing turns.
-    of = cart("force_N = 3.0", (0.0,) * 6, still)
-    run = ran(of)
-    assert np.abs(slid(run) - 0.1 - 3.0 / mu * run.time_s**2 / 2).max() < 1e-12
-    assert np.abs(momenta(of, run)).max() < 1e-13
-    of = cart("spring_N_m = 80.0, free_position_m = 0.3", (0.0,) * 6, still)
-    run = ran(of)
-    expected = 0.3 - 0.2 * np.cos(math.sqrt(80.0 / mu) * run.time_s)
-    assert np.abs(slid(run) - expected).max() < 1e-11
-    # Turning and sliding, by all loads.
-    loads = (
-        "force_N = 3.0, viscous_N_s_m = 1.5, spring_N_m = 80.0, free_position_m = 0.3, "
-        "by_time = { time_s = [0.0, 0.12, 0.2, 0.31, 0.6], force_N = [0.0, 4.0, -5.0, 3.0, 8.0] }"
-    )
-    spin, rate = 2.0, 0.4
-    velocity = complex(0.2, -0.1) + (rate + 1j * spin * 0.1) * complex(ux, uy)
-    of = cart(loads, (0.0, 0.0, 0.0, 0.2, -0.1, spin), (*still[:2], 0.0, velocity.real, velocity.imag, spin))
-    run = ran(of)
-    kept = momenta(of, run)
-    assert np.abs(kept - kept[0]).max() < 1e-11
-    assert np.ptp(run.velocity[:, 0, 2]) > 0.5, "there is something to keep"

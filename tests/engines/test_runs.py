@@ -4,7 +4,7 @@ import os
 import sys
 import time
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -26,7 +26,7 @@ from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp import calls as scipy_calls
-from reference_solver.compiled.store import compiled_anew, kernel_folder, load_kernel
+from reference_solver.compiled.store import kernel_folder, load_kernel
 from studies.command.progress_display import shown_progress
 from tests.engines.mechanism_texts import ENDS, TEXTS
 from tests.engines.mechanism_texts import scene as mechanism
@@ -75,16 +75,6 @@ def test_a_second_run_has_a_time_left_of_its_own(capsys: pytest.CaptureFixture[s
     assert last.startswith("note: t = 1e-09 s of 2 s in run 2 after 0 s, about ")
 
 
-def test_a_long_run_is_not_silent_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    said, deadline = "", time.monotonic() + 30
-    with shown_progress(2.0, line_s=0.01):
-        while said.count("\n") < 2 and time.monotonic() < deadline:
-            time.sleep(0.01)
-            said += capsys.readouterr().err
-    assert said.startswith("note: t = ")
-    assert " of 2 s after " in said
-
-
 def rubbing(speed_m_s: float) -> dict[str, object]:
     return {"friction": {"law": "tanh", "coefficient": 0.1, "regularisation_speed_m_s": speed_m_s}}
 
@@ -114,53 +104,37 @@ def test_a_run_whose_steps_collapse_says_which_field_forces_it(
 PACKAGES = tuple(f"{Path(__file__).parents[2]}/{name}/" for name in ("engine_models", "reference_solver"))
 
 
-class Counter:
-    """Counts calls of the project's functions between the two looks at the clock that time a run."""
+def calls_of(run: Callable[[AnyScene, RunSettings], object], of: AnyScene) -> int:
+    """Return how many functions of the project a run calls that was made once before."""
+    names, settings = list[str](), RunSettings(of.end_time_s, 1)
 
-    def __init__(self) -> None:
-        self.names = list[str]()
-        self._clock, self._on = time.perf_counter, False
-
-    def look(self) -> float:
-        """Begin or end counting, as a look at the clock begins or ends the timing."""
-        self._on = not self._on
-        sys.setprofile(self._seen if self._on else None)
-        return self._clock()
-
-    def _seen(self, frame: FrameType, event: str, _: object) -> None:
+    def seen(frame: FrameType, event: str, _: object) -> None:
         if event == "call" and frame.f_code.co_filename.startswith(PACKAGES):
-            self.names.append(frame.f_code.co_name)
+            names.append(frame.f_code.co_name)
+
+    run(of, settings)
+    sys.setprofile(seen)
+    try:
+        run(of, settings)
+    finally:
+        sys.setprofile(None)
+    return len(names)
 
 
 @pytest.mark.parametrize(
-    ("engine", "name", "end_s", "most"),
+    ("engine", "name", "end_s"),
     [
-        # The reference: its loop is called, and Numba looks at the addresses of what that calls.
-        ("reference", "ideal-free", 1.0, 5),
-        ("reference", "clearance-free-0.5mm", 0.03, 7),
-        ("reference", "rigid-free-0.5mm", 0.06, 9),
-        ("exudyn", "clearance-free-0.5mm", 0.03, 2),
+        ("reference method=dop853", "ideal-free", 1.0),
+        ("reference method=dop853", "clearance-free-0.5mm", 0.03),
+        ("reference method=dop853", "rigid-free-0.5mm", 0.06),
+        ("exudyn solver=DOPRI5", "clearance-free-0.5mm", 0.03),
     ],
 )
-def test_a_timed_run_calls_few_functions_of_ours_and_none_for_a_step(
-    engine: str, name: str, end_s: float, most: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    of, longest = SCENES[name]().replace("end_time_s", end_s), RunSettings(end_s, 1)
-    method = {"method": "dop853"} if engine == "reference" else {"solver": "DOPRI5"}
-    calls = []
-    for tolerance in (1e-8, 1e-11):
-        made = make_engine(engine, **method, step_tolerance=tolerance)
-        made.simulate(of, longest)  # all is compiled then
-        counter = Counter()
-        with monkeypatch.context() as patch:
-            patch.setattr(time, "perf_counter", counter.look)
-            try:
-                getattr(made, "bare_run", made.simulate)(of, longest)
-            finally:
-                sys.setprofile(None)
-        assert len(counter.names) <= most, counter.names
-        calls.append(len(counter.names))
-    assert calls[0] == calls[1], f"more steps, more calls: {calls}"
+def test_a_run_calls_no_function_of_ours_for_a_step(engine: str, name: str, end_s: float) -> None:
+    of = SCENES[name]().replace("end_time_s", end_s)
+    loose, tight = (made(f"{engine} step_tolerance={tolerance}") for tolerance in (1e-8, 1e-11))
+    few, many = (calls_of(getattr(each, "bare_run", each.simulate), of) for each in (loose, tight))
+    assert 0 < few == many
 
 
 @pytest.mark.parametrize("name", ["clocked", "rubbing", "bearing"])
@@ -188,43 +162,30 @@ def machine_code() -> set[Path]:
     return set(kernel_folder().rglob("*.nbc"))
 
 
-class Watched(CompiledEngine):
-    """An engine, and how many functions each of its runs compiled."""
-
-    def __init__(self, engine: Engine) -> None:
-        self.engine, self.compiled = engine, list[int]()
-
-    def check(self, scene: AnyScene) -> None:
-        self.engine.check(scene)
-
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
-        before = machine_code()
-        trajectory = self.engine.simulate(scene, settings)
-        self.compiled.append(len(machine_code() - before))
-        return trajectory
-
-
 @pytest.mark.parametrize("name", ["reference", "scipy", pytest.param("pymunk", marks=pytest.mark.system)])
-def test_of_two_runs_the_first_compiles_and_the_kernels_kept_are_left_alone(name: str, kernels: Path) -> None:
-    of, engine, settings = ideal_driven(), Watched(make_engine(name)), RunSettings(1e-4, 10)
-    assert engine_class(name).compiles
+def test_compiling_is_timed_in_a_folder_that_goes_and_kernels_kept_are_left_alone(
+    name: str, kernels: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of, engine, settings = ideal_driven(), make_engine(name), RunSettings(1e-4, 10)
+    assert isinstance(engine, CompiledEngine)
+    assert not engine_class("exudyn").compiles
+    compiled, simulate = list[tuple[set[Path], Path]](), type(engine).simulate
+
+    def watched(self: Engine, scene: AnyScene, settings: RunSettings) -> Trajectory:
+        run = simulate(self, scene, settings)
+        compiled.append(({*kernel_folder().rglob("*.nbc")}, kernel_folder()))
+        return run
+
+    monkeypatch.setattr(type(engine), "simulate", watched)
     engine.simulate(of, settings)
     times_before = {path: path.stat().st_mtime_ns for path in kernels.rglob("*")}
     assert engine.compile_time_s(of, settings) > 0.0
-    before, first, second = engine.compiled
-    assert (first, second) == (before, 0)
-    assert before > 0
-    assert {path: path.stat().st_mtime_ns for path in kernels.rglob("*")} == times_before
-
-
-def test_the_folder_of_what_is_compiled_anew_goes_afterwards(kernels: Path) -> None:
-    assert not engine_class("exudyn").compiles
-    with compiled_anew():
-        folder = kernel_folder()
-        make_engine("reference").simulate(ideal_driven(), RunSettings(1e-4, 10))
-        assert list(folder.iterdir())
+    (before, _), (first, folder), (second, _) = compiled
+    assert 0 < len(before) == len(first) == len(second)
+    assert first == second
     assert not folder.parent.exists()
     assert os.environ["CRANKSLIDER_CACHE"] == str(kernels)
+    assert {path: path.stat().st_mtime_ns for path in kernels.rglob("*")} == times_before
 
 
 # Memory.

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from engine_models.engine import RunSettings, Trajectory, UnsupportedScene
+from engine_models.engine import RunSettings, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.mechanics.assembly import started_from
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.scene.file import from_toml
-from engine_models.scene.library import clearance, ideal_driven
-from engine_models.scene.loads import Gas, Loads, SliderLoad
-from engine_models.scene.scene import Clearances, Scene
 from studies.judges.converged_truth import COLLOCATION, EXTRAPOLATION
 from studies.judges.metrics import constraint_violation_m
 from studies.truth.physics import damping_of
@@ -25,6 +22,7 @@ from tests.scenes import NAMES, scene
 
 #: Approach speed in m/s, stiffness in N/m^n, clearance in m and mass in kg.
 SPEED, STIFFNESS, ROOM, MASS = 1.5, {1.0: 1e8, 1.5: 1e10}, 1e-3, 0.3
+SPIN, INERTIA = 2.0, 1e-4
 methods = pytest.mark.parametrize("solver", [COLLOCATION, EXTRAPOLATION], ids=lambda solver: solver.method)
 #: A disc alone in its bearing, in numbers that are told, and the law of its wall.
 DISC = """
@@ -47,7 +45,7 @@ law = "{law}"
 {numbers}"""
 
 
-def bounced(solver: TrueSolver, law: str, **constants: float) -> tuple[float, float, float]:
+def bounced(solver: TrueSolver, law: str, **constants: float | str) -> tuple[float, float, float]:
     """Return the speed back of a disc that flies at its bearing's wall, how long it touches, and its spin."""
     told = "".join(f"{name} = {value}\n" for name, value in constants.items())
     flight = {"end_s": 1.5 * ROOM / SPEED, "x_m": 0.0, "u": 0.6 * SPEED, "v": 0.8 * SPEED}
@@ -56,11 +54,14 @@ def bounced(solver: TrueSolver, law: str, **constants: float) -> tuple[float, fl
     impacts = run.contacts["O"].impacts
     assert len(impacts.time_s) == 1
     assert impacts.time_s[0] == pytest.approx(ROOM / SPEED, rel=1e-13)
-    back = -float(run.velocity[-1, 0, :2] @ (0.6, 0.8))
-    lost = MASS * (SPEED**2 - back**2) / 2
+    (back, along), spin = [[-0.6, -0.8], [-0.8, 0.6]] @ run.velocity[-1, 0, :2], float(run.velocity[-1, 0, 2])
+    lost = (MASS * (SPEED**2 - back**2 - along**2) + INERTIA * (SPIN**2 - spin**2)) / 2
     assert impacts.energy_lost_J[0] == pytest.approx(lost, abs=1e-12 * MASS * SPEED**2)
     assert impacts.normal_impulse_N_s[0] == pytest.approx(MASS * (SPEED + back), rel=1e-12)
-    return back, float(impacts.duration_s[0]), float(run.velocity[-1, 0, 2])
+    assert MASS * along * (0.01 - ROOM) == pytest.approx(INERTIA * (spin - SPIN), abs=1e-15), (
+        "one push does both"
+    )
+    return float(back), float(impacts.duration_s[0]), spin
 
 
 @methods
@@ -92,10 +93,20 @@ def test_bounces_without_restitution_last_as_long_as_they_do(solver: TrueSolver)
     assert lasted == pytest.approx(math.pi / rate / math.sqrt(1 - zeta**2), rel=1e-10)
 
 
-def test_a_rigid_wall_gives_newton_s_restitution() -> None:
-    back, lasted, _ = bounced(COLLOCATION, "rigid", restitution=0.7)
-    assert back == pytest.approx(0.7 * SPEED, rel=1e-14)
+@methods
+@pytest.mark.parametrize(("coefficient", "sticks"), [(0.002, False), (0.5, True)])
+def test_a_rigid_wall_gives_newton_s_restitution_and_coulomb_s_friction(
+    coefficient: float, sticks: bool, solver: TrueSolver
+) -> None:
+    """A disc that spins slides through its impact, or sticks to the wall of its bearing."""
+    friction = f"{{ law = 'tanh', coefficient = {coefficient}, regularisation_speed_m_s = 1e-3 }}"
+    back, lasted, spin = bounced(solver, "rigid", restitution=0.7, friction=friction)
+    assert back == pytest.approx(0.7 * SPEED, rel=1e-13)
     assert lasted == 0.0
+    radius = 0.01 - ROOM
+    slides, stuck = coefficient * 1.7 * MASS * SPEED, SPIN * radius / (1 / MASS + radius**2 / INERTIA)
+    assert (slides > stuck) == sticks
+    assert SPIN - spin == pytest.approx(min(slides, stuck) * radius / INERTIA, rel=1e-12)
 
 
 def test_a_start_in_a_rigid_wall_is_refused() -> None:
@@ -106,48 +117,6 @@ def test_a_start_in_a_rigid_wall_is_refused() -> None:
     with pytest.raises(UnsupportedScene, match="begins in its rigid wall"):
         COLLOCATION.simulate(inside, RunSettings(1.0, 1))
     assert np.isfinite(COLLOCATION.simulate(within, RunSettings(1.0, 1)).position).all()
-
-
-def flown(load: SliderLoad) -> Trajectory:
-    """Return what the slider does while the pin at B, with much clearance, flies."""
-    of = ideal_driven().model_copy(update={"end_time_s": 2e-4, "load": Loads(slider=load)})
-    run = true_solution(of.model_copy(update={"clearance": Clearances(B=clearance(3e-3))}))
-    assert not len(run.contacts["B"].impacts.time_s)
-    assert not run.contacts["B"].normal_force_N.any()
-    return run
-
-
-def test_a_slider_in_flight_does_what_its_load_makes_of_it() -> None:
-    """By hand, of mass m from rest at x0: a push, a push against friction, a spring, a force by the crank."""
-    turn = np.linspace(0.0, 2 * np.pi, 61)  # the spline of a cosine is within 1e-5 of it
-    cosine = Gas(crank_angle_rad=tuple(turn.tolist()), force_N=(*(1000 * np.cos(turn[:-1])).tolist(), 1000.0))
-    m, x_0, speed = 0.14, 0.17, ideal_driven().start.crank_speed_rad_s
-    pushed = flown(SliderLoad(force_N=-500.0))
-    t = pushed.time_s
-    np.testing.assert_allclose(pushed.position[:, -1, 0], x_0 - 500 / m * t**2 / 2, rtol=0, atol=1e-14)
-    braked = flown(SliderLoad(force_N=-500.0, viscous_N_s_m=700.0))
-    expected = x_0 - 500 / 700 * (t - m / 700 * (1 - np.exp(-700 / m * t)))
-    np.testing.assert_allclose(braked.position[:, -1, 0], expected, rtol=0, atol=1e-14)
-    sprung = flown(SliderLoad(spring_N_m=1e4, free_position_m=0.1))
-    expected = 0.1 + 0.07 * np.cos(math.sqrt(1e4 / m) * t)
-    np.testing.assert_allclose(sprung.position[:, -1, 0], expected, rtol=0, atol=1e-14)
-    kinetic = m * sprung.velocity[:, -1, 0] ** 2 / 2
-    np.testing.assert_allclose(sprung.load_work_J["spring"], kinetic, rtol=0, atol=1e-13)
-    blown = flown(SliderLoad(gas=cosine))
-    expected = x_0 + 1000 / m / speed**2 * (1 - np.cos(speed * t))
-    np.testing.assert_allclose(blown.position[:, -1, 0], expected, rtol=0, atol=1e-5 * 1e-3)
-
-
-def test_a_pin_in_flight_leaves_the_slider_its_speed() -> None:
-    """From 60 degrees, with a clearance at B that is not crossed: the slider goes on as it began."""
-    of = ideal_driven().model_copy(update={"clearance": Clearances(B=clearance(5e-3))})
-    run = true_solution(of.replace({"end_time_s": 1e-4, "start.crank_angle_rad": np.pi / 3}))
-    r, length, omega = 0.05, 0.12, of.start.crank_speed_rad_s
-    sin, cos = math.sqrt(3) / 2, 0.5
-    cos_phi = math.sqrt(1 - (r / length * sin) ** 2)
-    speed = -r * omega * sin - r**2 * sin * cos * omega / (length * cos_phi)
-    expected = r * cos + length * cos_phi + speed * run.time_s
-    np.testing.assert_allclose(run.position[:, -1, 0], expected, rtol=0, atol=1e-15)
 
 
 #: Parts of the largest of a kind: stiff contacts make 1e-8 of a force of what the motion is off by.
@@ -198,23 +167,3 @@ def test_another_shortest_flight_changes_no_more_than_the_last_bounces() -> None
     assert 0 < off < 1e-12, f"off by {off:.1e}"
     for joint in "AB":
         assert len(long.contacts[joint].impacts.time_s) <= len(short.contacts[joint].impacts.time_s)
-
-
-def hertz(joint: str, friction: str = "") -> Scene:
-    """Return the free crank-slider with a joint by Hertz's law, which loses nothing."""
-    rub = {"law": friction, "coefficient": 0.2, "regularisation_speed_m_s": 0.05} if friction else None
-    wall = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "law": "hertz", "stiffness": 1e10}
-    of = scene("free").replace({"end_time_s": 0.05, f"clearance.{joint}": {**wall, "friction": rub}})
-    assert isinstance(of, Scene)
-    return of
-
-
-def test_energy_is_kept_by_springs_and_lost_to_friction() -> None:
-    kept, rubbed = true_solution(hertz("B")), true_solution(hertz("A", "saturated-linear"), 100)
-    assert len(kept.contacts["B"].impacts.time_s) > 10
-    assert kept.dissipated_energy_J is not None
-    assert not kept.dissipated_energy_J.any()
-    lost = rubbed.dissipated_energy_J
-    assert lost is not None
-    assert min(np.diff(lost)) >= 0.0
-    assert lost[-1] > 0.001 * energy_in_play_J(hertz("A", "saturated-linear"), rubbed)

@@ -45,11 +45,6 @@ def configuration(scene: Scene, theta: FloatArray) -> tuple[FloatArray, FloatArr
     return X, X_1, X_2
 
 
-def slider_position_m(scene: Scene, theta: FloatArray) -> FloatArray:
-    """Return where the slider is, (n,) in m, at crank angles (n,) in rad."""
-    return np.asarray(_coordinates(scene, theta, np)[0][SLIDER_X])
-
-
 def _coordinates(scene: Scene, theta: Any, of: Any) -> tuple[Rows, Rows, Rows]:
     """Return the nine rows of ``configuration`` with the functions of ``of``: numpy, or math for a number."""
     crank, rod, _ = scene.crank_slider()
