@@ -30,7 +30,6 @@ OWN = {
     "studies/judges/test_question.py": "scenes that ask the same",
     "studies/test_scalar_stability.py": "the scalar equation of stability's theory",
     "studies/test_sweep.py": "closed forms over a sweep",
-    "studies/truth/test_closed_forms.py": "closed forms",
     "studies/truth/test_contacts.py": "bounces in closed form",
 }
 

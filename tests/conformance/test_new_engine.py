@@ -4,14 +4,13 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from studies.running.case import Case
-from studies.running.outcome import load_study, run_case
-from studies.running.registry import STUDIES
 
 from engine_models import arms, engines
 from engine_models.arms import NAMED, Arm
 from engine_models.engines import engine_class, make_engine
 from reports.style import legend_place, line_styles
+from studies import STUDIES
+from studies.case import Case, load_study, run_case
 
 pytestmark = pytest.mark.system
 
@@ -60,7 +59,6 @@ def test_a_new_engine_comes_last_in_legends_and_looks_like_no_other() -> None:
 
 @pytest.mark.parametrize("engine", NAMED)
 def test_an_engine_is_made_of_its_settings_and_nothing_else(engine: str) -> None:
-    """So the function that makes engines decides no number, and need not count in fingerprints."""
     assert make_engine(engine) == engine_class(engine)()
     catalogue = [arm for arm in vars(arms).values() if isinstance(arm, Arm)]
     for arm in (arm for arm in catalogue if arm.engine == engine):

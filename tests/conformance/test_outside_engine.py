@@ -11,8 +11,8 @@ from engine_models import engines
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from studies.conformance.orders import states_its_accuracy
+from studies.store import Store
 from tests.helpers.command import crankslider
-from tests.helpers.row_files import read_rows
 
 pytestmark = pytest.mark.system
 
@@ -152,7 +152,8 @@ def test_it_runs_where_every_engine_does() -> None:
 def test_a_study_runs_its_cases_and_no_others(written: Path) -> None:
     done = crankslider("run", "agreement", "--engine", NAME, "--jobs", 2, "--out", written / "results")
     assert done.code == 0, done.stderr
-    rows = read_rows(written / "results" / "agreement" / "rows.jsonl")
+    with Store(written / "results") as store:
+        rows, _ = store.results("agreement")
     assert {row["engine"] for row in rows} == {NAME}
     assert {row["status"] for row in rows} == {"ok"}
 

@@ -42,7 +42,7 @@ def case(
 
 def steady(row: dict[str, Any]) -> dict[str, Any]:
     """Return what is the same in the row of each run of a case."""
-    return {name: value for name, value in row.items() if name not in ("pid", "began", "ended")}
+    return {name: value for name, value in row.items() if name not in ("pid", "parent", "began", "ended")}
 
 
 def cases(full: bool) -> list[Case]:
@@ -67,7 +67,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
     else:
         _misbehave(case)
         curves, row = {"time_s": np.arange(100.0)}, {}
-    return {**row, "pid": os.getpid(), "began": began, "ended": time.monotonic()}, curves
+    row |= {"pid": os.getpid(), "parent": os.getppid(), "began": began, "ended": time.monotonic()}
+    return row, curves
 
 
 def _misbehave(case: Case) -> None:

@@ -1,5 +1,6 @@
 """Cases on a Dask cluster: a real scheduler and two real workers of this machine."""
 
+import os
 import socket
 import sys
 from collections.abc import Iterator
@@ -61,16 +62,10 @@ def test_crashes_and_hangs_are_rows_of_theirs_and_what_is_timed_stays_on_this_ma
     outcomes = {(row["arm"], row["status"], row["reason"]) for row in rows}
     assert outcomes == {("work", "ok", ""), ("abort", "crashed", "killed by SIGABRT"), hung}
     assert set(client.scheduler_info()["workers"]) == before
-    theirs = client.run(_children)
-    of_workers = set().union(*theirs.values())
-    worked = {row["samples"]: row["pid"] in of_workers for row in rows if row["arm"] == "work"}
-    assert worked == {1: True, 2: False}
-
-
-def _children() -> set[int | None]:
-    from multiprocessing import active_children
-
-    return {child.pid for child in active_children()}
+    theirs = set(client.run(os.getpid).values())
+    parents = {row["samples"]: row["parent"] for row in rows if row["arm"] == "work"}
+    assert parents[1] in theirs
+    assert parents[2] == os.getpid()
 
 
 def pretend(code: str) -> None:
