@@ -27,6 +27,7 @@ from reference_solver.mechanism.mechanism import (
     Mechanism,
     PrescribedMotion,
     PrescribedSlide,
+    PrescribedSpeed,
     RevoluteJoint,
     SameAngle,
     SpringDamper,
@@ -180,19 +181,23 @@ def test_a_force_by_time_is_exact_where_its_lines_are_since_steps_land_on_its_ki
 
 
 def test_a_dependence_is_told_by_the_names_of_the_joints_in_it() -> None:
-    pin = RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0))
-    far = RevoluteJoint(0, (1.0, 0.0), 1, (0.0, 0.0))
+    pin, far = RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)), RevoluteJoint(0, (1.0, 0.0), 1, (0.0, 0.0))
     twice = Mechanism(BODIES, (pin, far, SameAngle(0, 1), SameAngle(1, 0)))
+    pinned = Mechanism(BODIES, (pin, far, pin), names=("O", "A", "P"))
+    driven = Mechanism(BODIES, (pin, PrescribedSpeed(0, 1.0), PrescribedSpeed(0, 1.0)))
     q, v = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.zeros(6)
-    for mechanism, joints in (
-        (twice, ("SameAngle 2", "SameAngle 3")),
-        (replace(twice, names=("A", "B", "C", "C")), ("C",)),
-        (replace(twice, names=("A", "B", "C", "D")), ("C", "D")),
+    for mechanism, rank, rows, joints in (
+        (twice, 5, 6, ("SameAngle 2", "SameAngle 3")),
+        (replace(twice, names=("A", "B", "C", "C")), 5, 6, ("C",)),
+        (replace(twice, names=("A", "B", "C", "D")), 5, 6, ("C", "D")),
+        (pinned, 4, 6, ("O", "P")),
+        (driven, 3, 4, ("PrescribedSpeed 1", "PrescribedSpeed 2")),
     ):
+        turning = v + (mechanism is driven) * np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
         with pytest.raises(SingularConfiguration) as refusal:
-            run(mechanism, q, v)
-        assert refusal.value.joints == joints
-        told = f"the joints' rows have rank 5 of 6 at t = 0 s, those of {', '.join(joints)} depend"
+            run(mechanism, q, turning)
+        assert (refusal.value.rank, refusal.value.rows, refusal.value.joints) == (rank, rows, joints)
+        told = f"the joints' rows have rank {rank} of {rows} at t = 0 s, those of {', '.join(joints)} depend"
         assert str(refusal.value).startswith(told)
 
 
