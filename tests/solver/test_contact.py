@@ -11,12 +11,8 @@ from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
 from engine_models.scene.scene import Scene
-from reference_solver.compiled.faces import with_fields
-from reference_solver.contact import loop as contact_loop
-from reference_solver.contact.types import CONTACT_RECORD, DONE, new_run
 from reference_solver.equations import Equations
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.methods import RK4, tableau
 from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice, solve
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
@@ -51,56 +47,6 @@ def test_the_standard_cases_first_impacts_and_peak_force_are_those_known() -> No
 
 
 # Samples within steps
-
-
-def rate_of(y: FloatArray) -> FloatArray:
-    """q'' = -q - q'^3/10, and the sum of q q'^2."""
-    return np.array([y[1], -y[0] - y[1] ** 3 / 10, y[0] * y[1] ** 2])
-
-
-def flow(y: FloatArray, until: float) -> FloatArray:
-    """Return the state after a time, by 200 steps of RK4."""
-    k = until / 200
-    for _ in range(200):
-        k1 = rate_of(y)
-        k2 = rate_of(y + k / 2 * k1)
-        k3 = rate_of(y + k / 2 * k2)
-        y = y + k / 6 * (k1 + 2 * (k2 + k3) + rate_of(y + k * k3))
-    return y
-
-
-def interpolation_errors(h: float) -> FloatArray:
-    """Return the largest errors of q, q' and a sum within a converged step of the loop."""
-    start, times = np.array([0.8, 0.5, 3.0]), np.linspace(0, h, 9)[1:-1]
-    run = new_run(np.zeros(0, CONTACT_RECORD), (1, 1, 1), times, contact_loop.ROWS, 1)
-    run.old.y[:], (now,) = start, run.clock
-    now["longest"], now["end"], now["per_contact"] = h, h, 1.0
-    now["located"] = now["budget"] = 1
-
-    def step(_p, _contacts, _t, h, old, new):  # type: ignore[no-untyped-def]
-        new.y[:] = flow(np.array([*old.y[:2], 0.0]), h)
-        return 1.0
-
-    def slopes(_p, _contacts, _t, row, _rate, y, slopes):  # type: ignore[no-untyped-def]
-        slopes[row] = rate_of(y)
-        return 1.0
-
-    def forces(_p, _contacts, _t, _y, row, samples):  # type: ignore[no-untyped-def]
-        samples[row, 3] = 7.0
-        return 1.0
-
-    kernel = contact_loop.Kernel(step, slopes, forces, lambda *_: True, lambda *_: True)
-    assert contact_loop.advance(with_fields(run._replace(kernel=kernel, method=tableau(RK4)))) == DONE
-    assert now["steps"] == 1
-    assert (run.records.samples[:, 3] == 7.0).all()
-    found = run.records.samples[:, :3]
-    return np.asarray(np.abs(found - [flow(start, t) for t in times]).max(axis=0))
-
-
-def test_positions_are_interpolated_at_order_six_velocities_and_sums_at_order_five() -> None:
-    steps = [0.4, 0.2, 0.1]
-    orders = np.polyfit(np.log(steps), np.log([interpolation_errors(h) for h in steps]), 1)[0]
-    assert (orders > [5.5, 4.5, 4.5]).all(), f"{orders}"  # the next terms bend them by up to 0.3
 
 
 def test_the_interpolation_adds_nothing_to_the_ledgers_residual_as_it_falls_at_order_four() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from engine_models import arms
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory
-from engine_models.exudyn.contact_law import native_law, native_twin
+from engine_models.exudyn.contact_law import native_law
 from engine_models.exudyn.motion import integral
 from engine_models.mechanics.contact_law import LawNumbers, friction_force, normal_force, stiffness_of
 from engine_models.mechanics.crank_motion import crank_motion
@@ -111,13 +111,10 @@ def test_arms_set_what_their_names_say() -> None:
     assert settings["pymunk (native contact)"] == {"contact": "rigid"}
 
 
-def test_exudyns_twin_pulls_and_has_its_law_by_another_restitution() -> None:
+def test_exudyn_has_its_law_by_another_restitution() -> None:
     law = native_law(STEEL.model_copy(update={"restitution": 0.8}))
     assert law.impact_model == 1
     assert law.restitution == pytest.approx(0.82), "3 (1 - 0.82)/2 is 0.27"
-    twin = native_twin(BOUNCING()).clearance.B
-    assert twin is not None
-    assert twin.may_pull
 
 
 def test_exudyns_sums_are_exact_of_powers_up_to_the_fifth() -> None:
