@@ -297,6 +297,16 @@ def test_a_damper_is_strongest_at_the_touch(choice: str) -> None:
     assert impact.largest_normal_force_time_s - impact.time_s < 0.05 * impact.duration_s
 
 
+@pytest.mark.parametrize("choice", CHOICES)
+def test_each_impact_has_its_own(choice: str) -> None:
+    first, second = impacts(LAWS["dissipative"], choice, 4.5)[:2]
+    slower = second.approach_speed_m_s / first.approach_speed_m_s
+    assert slower < 0.8
+    scale = slower**1.2  # of every force of one restitution
+    assert second.largest_normal_force_N == pytest.approx(scale * first.largest_normal_force_N, rel=1e-4)
+    assert second.time_s < second.largest_normal_force_time_s < second.time_s + second.duration_s
+
+
 def test_a_rigid_wall_has_none() -> None:
     (impact, *_) = impacts(RigidWall(0.5), "20 steps", 1.5)
     assert np.isnan([impact.largest_normal_force_N, impact.largest_penetration_m]).all()
