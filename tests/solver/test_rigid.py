@@ -1,5 +1,7 @@
 """Rigid walls: flight, impact and following of one pin in closed form, and of crank-sliders' pins."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -39,7 +41,7 @@ SPEED = 1e-12
 ROUND_OFF = 64 * EPS
 
 
-def pinned(restitution: float, gravity: float = 0.0, friction: float = 0.0, **sizes: float) -> Mechanism:
+def pinned(restitution: float, gravity: float = 0.0, friction: float = 0.0, **sizes: Any) -> Mechanism:
     law = FrictionLaw("tanh", friction, 0.01) if friction else None
     joint = bearing(RigidWall(restitution), law, **sizes)
     return disc(joint, gravity=gravity, inertia=INERTIA)
