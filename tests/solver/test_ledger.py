@@ -139,10 +139,11 @@ def test_accelerations_and_multipliers_solve_their_equations_to_the_last_digits(
 
 def energy(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> Any:
     """Return kinetic, gravitational and elastic energy less the torques' work, a ``np.longdouble``."""
-    q, v = (part.astype(np.longdouble)[None] for part in (q, v))
-    (total,) = kinetic_J(mechanism, v) + potential_energy_J(mechanism, q)
+    states: list[Any] = [part.astype(np.longdouble)[None] for part in (q, v)]
+    long_q, long_v = states
+    (total,) = kinetic_J(mechanism, long_v) + potential_energy_J(mechanism, long_q)
     for joint in mechanism.contacts:
-        law, reach = joint.compliance, place(q, joint.body_j, joint.point_j) - np.array(joint.point_i)
+        law, reach = joint.compliance, place(long_q, joint.body_j, joint.point_j) - np.array(joint.point_i)
         depth = max(np.sqrt((reach**2).sum()) - joint.radial_clearance_m, np.longdouble(0))
         total += law.stiffness * depth ** (law.exponent + 1) / (law.exponent + 1)
     return total

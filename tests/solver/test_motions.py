@@ -73,7 +73,7 @@ def test_every_number_of_a_crank_that_turns_back_converges_at_order_four(name: s
     ladder = [errors(run(CASES[name], step), true) for step in steps]
     for number in ladder[0].keys() - {"moment guide"}:  # it is zero
         found = [rung[number] for rung in ladder]
-        order = slope(steps, found)
+        order = slope(steps.tolist(), found)
         assert low < order < high, f"{number}: order {order:.3f} of {found}"
 
 
