@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.special import lambertw
 
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, Point
@@ -45,3 +46,8 @@ def run(
     asked = {"compiled": False, **settings}
     start = np.array(q, dtype=float), np.array(v, dtype=float)
     return solve(mechanism, *start, end_time_s=end_s, samples=samples, step=choice, **asked)
+
+
+def lambert(a: float) -> float:
+    """Return the restitution that F = K delta^n (1 + a delta'/v0) really gives at any K, m, v0, n."""
+    return float((1 + np.real(lambertw(-(1 + a) * np.exp(-(1 + a))))) / a)

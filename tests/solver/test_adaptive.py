@@ -7,25 +7,24 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.special import ellipk, lambertw
+from scipy.special import ellipk
 
 from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.engines import make_engine
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.equations import mechanism_of
-from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
-from reference_solver.compiled import faces
+from engine_models.scene.library import CLEARANCE_SCENES
 from reference_solver.compiled.faces import with_fields
-from reference_solver.contact import adaptive_loop, controlled_step, smooth_loop
+from reference_solver.contact import controlled_step, smooth_loop
 from reference_solver.contact.types import CONTACT_RECORD, new_run
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, RevoluteJoint
 from reference_solver.methods import dop853, tableau
 from reference_solver.solution import Solution
-from reference_solver.solver import ErrorControl, Solver, StepChoice, solve
+from reference_solver.solver import ErrorControl, StepChoice, solve
 from studies.extremes import gallery
 from studies.judges.horizon import moved
-from tests.solver.pins import CLEARANCE, GRAVITY, INERTIA, MASS, RADIUS, bearing, disc, run
+from tests.solver.pins import CLEARANCE, GRAVITY, INERTIA, MASS, RADIUS, bearing, disc, lambert, run
 
 FloatArray = NDArray[np.float64]
 
@@ -90,11 +89,6 @@ def test_a_free_body_crosses_any_time_in_a_few_steps(q: float, v: float) -> None
     found = controlled(body, [q] * 3, [v] * 3, 1e3, 1e-9)
     assert found.steps < 20
     assert found.q[-1] == pytest.approx([q + 1e3 * v] * 3, rel=8 * EPS)
-
-
-def lambert(a: float) -> float:
-    """Return the restitution that F = K delta^n (1 + a delta'/v0) gives (see ``test_contact_bounce``)."""
-    return float((1 + np.real(lambertw(-(1 + a) * np.exp(-(1 + a))))) / a)
 
 
 def bounce(tolerance: float, law: ContactLaw = DAMPED) -> Solution:
@@ -256,20 +250,3 @@ def test_no_pin_flies_inside_its_wall_however_a_run_begins() -> None:
         depth = np.hypot(*found.gap_m[:, 0].T) - mechanism.contacts[0].radial_clearance_m
         inside = depth[~found.closed[:, 0]].max()
         assert inside < 2e-9, f"{inside:.1e} m past the wall, begun {by:.1e} rad beside"
-
-
-@pytest.mark.parametrize("name", ["ideal-free", "ideal-compressor"])
-def test_without_contacts_nothing_changes_if_no_events_are_sought(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene = IDEAL_SCENES[name]()
-    q, v = (part.ravel() for part in start_state(scene))
-    found = []
-    for loop in (faces.loop_of, lambda _: adaptive_loop):
-        monkeypatch.setattr(faces, "loop_of", loop)
-        found.append(Solver(mechanism_of(scene), q, ErrorControl(1e-9), compiled=False).run(q, v, 2e-3, 20))
-    own, seeking = found
-    assert own.steps == seeking.steps
-    for column in ("q", "v", "multipliers"):
-        assert np.array_equal(getattr(own, column), getattr(seeking, column)), column
-    assert all(np.array_equal(own.sums[name], seeking.sums[name]) for name in own.sums)

@@ -9,14 +9,10 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.library import CLEARANCE_SCENES
+from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
 from engine_models.scene.scene import Scene
-from reference_solver.compiled.faces import with_fields
-from reference_solver.contact import loop as contact_loop
-from reference_solver.contact.types import CONTACT_RECORD, DONE, new_run
 from reference_solver.equations import Equations
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.methods import RK4, tableau
 from reference_solver.solution import Solution
 from reference_solver.solver import StepChoice, solve
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
@@ -51,80 +47,6 @@ def test_the_standard_cases_first_impacts_and_peak_force_are_those_known() -> No
 
 
 # Samples within steps
-
-
-def rate_of(y: FloatArray) -> FloatArray:
-    """q'' = -q - q'^3/10, and the sum of q q'^2."""
-    return np.array([y[1], -y[0] - y[1] ** 3 / 10, y[0] * y[1] ** 2])
-
-
-def flow(y: FloatArray, until: float) -> FloatArray:
-    """Return the state after a time, by 200 steps of RK4."""
-    k = until / 200
-    for _ in range(200):
-        k1 = rate_of(y)
-        k2 = rate_of(y + k / 2 * k1)
-        k3 = rate_of(y + k / 2 * k2)
-        y = y + k / 6 * (k1 + 2 * (k2 + k3) + rate_of(y + k * k3))
-    return y
-
-
-def interpolation_errors(h: float) -> FloatArray:
-    """Return the largest errors of q, q' and a sum within a converged step of the loop."""
-    start, times = np.array([0.8, 0.5, 3.0]), np.linspace(0, h, 9)[1:-1]
-    run = new_run(np.zeros(0, CONTACT_RECORD), (1, 1, 1), times, contact_loop.ROWS, 1)
-    run.old.y[:], (now,) = start, run.clock
-    now["longest"], now["end"], now["per_contact"] = h, h, 1.0
-    now["located"] = now["budget"] = 1
-
-    def step(_p, _contacts, _t, h, old, new):  # type: ignore[no-untyped-def]
-        new.y[:] = flow(np.array([*old.y[:2], 0.0]), h)
-        return 1.0
-
-    def slopes(_p, _contacts, _t, row, _rate, y, slopes):  # type: ignore[no-untyped-def]
-        slopes[row] = rate_of(y)
-        return 1.0
-
-    def forces(_p, _contacts, _t, _y, row, samples):  # type: ignore[no-untyped-def]
-        samples[row, 3] = 7.0
-        return 1.0
-
-    kernel = contact_loop.Kernel(step, slopes, forces, lambda *_: True, lambda *_: True)
-    assert contact_loop.advance(with_fields(run._replace(kernel=kernel, method=tableau(RK4)))) == DONE
-    assert now["steps"] == 1
-    assert (run.records.samples[:, 3] == 7.0).all()
-    found = run.records.samples[:, :3]
-    return np.asarray(np.abs(found - [flow(start, t) for t in times]).max(axis=0))
-
-
-def test_positions_are_interpolated_at_order_six_velocities_and_sums_at_order_five() -> None:
-    steps = [0.4, 0.2, 0.1]
-    orders = np.polyfit(np.log(steps), np.log([interpolation_errors(h) for h in steps]), 1)[0]
-    assert (orders > [5.5, 4.5, 4.5]).all(), f"{orders}"  # the next terms bend them by up to 0.3
-
-
-@pytest.mark.parametrize("name", [STANDARD, "clearance-driven-damped", "clearance-driven-AB"])
-def test_a_run_takes_the_same_steps_whatever_its_samples_whose_forces_are_those_of_their_states(
-    name: str,
-) -> None:
-    scene = short(name, 0.003)
-    few, many = (solved(scene, FINE, samples) for samples in (30, 3000))
-    assert few.steps == many.steps
-    assert (few.events == many.events).all()
-    assert (few.q[-1] == many.q[-1]).all()
-    # The same instants, written alike or through the last digit of the time.
-    np.testing.assert_allclose(many.q[::100], few.q, rtol=1e-12, atol=1e-14)
-    for key, sums in few.sums.items():
-        assert sums[-1] == many.sums[key][-1]
-    equations, contacts = Equations(mechanism_of(scene), many.q[0]), range(len(scene.joints_with_clearance))
-    for k in range(7, 3000, 171):
-        answer = equations.required(many.time_s[k], many.q[k], many.v[k], many.phases[k])
-        # Forces in contact magnify the round-off of coordinates.
-        scale = 1 + np.abs(answer.multipliers).max()
-        assert np.abs(many.multipliers[k] - answer.multipliers).max() < 1e-9 * scale
-        normal = [answer.powers[f"normal{c}"] for c in contacts]
-        np.testing.assert_allclose(many.normal_force_N[k], normal, rtol=1e-9, atol=1e-9 * scale)
-        np.testing.assert_allclose(many.friction_force_N[k], answer.friction_N, rtol=1e-9, atol=1e-9 * scale)
 
 
 def test_the_interpolation_adds_nothing_to_the_ledgers_residual_as_it_falls_at_order_four() -> None:
@@ -184,19 +106,10 @@ def light_crank(mass_kg: float, contact: dict[str, object], speed_rad_s: float, 
     J = 0.1 * mass_kg * 0.05**2
     crank = {"length_m": 0.05, "mass_kg": mass_kg, "inertia_kg_m2": J, "centre_of_mass_m": 0.025}
     rod = {"length_m": 0.15, "mass_kg": 1.0, "inertia_kg_m2": 2e-3, "centre_of_mass_m": 0.07}
-    return Scene.model_validate(
-        {
-            "name": "light-crank",
-            "end_time_s": end_s,
-            "gravity_m_s2": 9.81,
-            "crank": crank,
-            "rod": rod,
-            "slider": {"mass_kg": 1.0, "inertia_kg_m2": 1e-4},
-            "start": {"crank_angle_rad": 0.5, "crank_speed_rad_s": speed_rad_s},
-            "drive": {"kind": "free"},
-            "clearance": {"O": {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, **contact}},
-        }
-    )
+    loose = {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, **contact}
+    start = {"crank_angle_rad": 0.5, "crank_speed_rad_s": speed_rad_s}
+    changes = {"crank": crank, "rod": rod, "slider.mass_kg": 1.0, "start": start, "clearance": {"O": loose}}
+    return IDEAL_SCENES["ideal-free"]().replace({**changes, "end_time_s": end_s})
 
 
 def test_friction_on_a_light_crank_is_followed() -> None:

@@ -69,18 +69,8 @@ def test_sliding_back_and_forth_closes_the_ledger_at_order_four() -> None:
     # normal force are coupled, and the sliding turns round in the ramp of a smooth law.
     law, end, counts = FrictionLaw("tanh", 0.4, 0.2), 1.0, [2000, 4000, 8000]
     rod = Mechanism((Body(MASS, 3e-4),), (), (), GRAVITY, (wide(law, point=(-0.1, 0.0)),))
-    found = [
-        run(
-            rod,
-            [0.1 * np.cos(-0.4), -CLEARANCE + 0.1 * np.sin(-0.4), -0.4],
-            [0.0] * 3,
-            end,
-            count,
-            compiled=True,
-            samples=100,
-        )
-        for count in counts
-    ]
+    q = [0.1 * np.cos(-0.4), -CLEARANCE + 0.1 * np.sin(-0.4), -0.4]
+    found = [run(rod, q, [0.0] * 3, end, count, 100, compiled=True) for count in counts]
     assert all(one.closed.all() for one in found)
     assert found[-1].friction_force_N.min() < -0.1 < 0.1 < found[-1].friction_force_N.max()
     residuals = [float(np.abs(energy_residual_J(one)).max()) for one in found]
@@ -161,12 +151,8 @@ def test_the_painleve_paradox_is_refused() -> None:
         pin = 0, (-length, 0.0), CLEARANCE, CLEARANCE + 1e-9
         wide = ClearanceJoint(GROUND, (0.0, 0.0), *pin, RigidWall(0.5), law)
         rod = Mechanism((body,), (), (), GRAVITY, (wide,))
-        start = (
-            [length * np.cos(angle), -CLEARANCE + length * np.sin(angle), angle],
-            [-1.0, 0.0, 0.0],
-            1e-6,
-            10,
-        )
+        q = [length * np.cos(angle), -CLEARANCE + length * np.sin(angle), angle]
+        start = q, [-1.0, 0.0, 0.0], 1e-6, 10
         if refused:
             with pytest.raises(PainleveParadox, match="rigid joints 0 at t = 0 s"):
                 run(rod, *start)

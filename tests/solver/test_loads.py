@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from reference_solver.energy import created_J, kinetic_J
 from reference_solver.equations import Equations
@@ -28,22 +27,20 @@ from reference_solver.mechanism.mechanism import (
     Mechanism,
     PrescribedMotion,
     PrescribedSlide,
+    PrescribedSpeed,
     RevoluteJoint,
     SameAngle,
-    Slot,
     SpringDamper,
     Torque,
-    TorqueBySpeed,
     TorqueByTime,
     TurningDamper,
 )
-from reference_solver.mechanism.motions import Ramp, Steady
+from reference_solver.mechanism.motions import Steady
 from reference_solver.mechanism.scales import scales_of
 from reference_solver.mechanism.tables import PiecewiseCubic
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, solve
 from tests.helpers.kernels import straight_guide
-from tests.helpers.orders import ORDER_TOLERANCE, slope
 
 FloatArray = NDArray[np.float64]
 #: Central differences with a step of 1e-6 of functions of order 1 to 10.
@@ -183,114 +180,24 @@ def test_a_force_by_time_is_exact_where_its_lines_are_since_steps_land_on_its_ki
     assert np.abs(found.sums["load0"] - gained).max() < 10 * bound
 
 
-def rotor(*loads: Load) -> Mechanism:
-    return Mechanism((Body(1.0, 0.5),), (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),), loads)
-
-
-def turned(torque: Callable[[float, float], float], times: FloatArray) -> FloatArray:
-    """Return the angle of a rotor that starts at 1 rad/s under a torque of time and speed."""
-
-    def rates(t: float, y: FloatArray) -> list[float]:
-        return [y[1], torque(t, y[1]) / 0.5]
-
-    y, cuts, angles = np.array([0.0, 1.0]), np.union1d(times, TIMES), {0.0: 0.0}
-    for begin, end in pairwise(cuts):
-        y = solve_ivp(rates, (begin, end), y, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
-        angles[end] = float(y[0])
-    return np.array([angles[t] for t in times])
-
-
-#: Loads of a rotor, and their torque by time and speed.
-ROTORS: dict[str, tuple[tuple[Load, ...], Callable[[float, float], float]]] = {
-    "damper": ((TurningDamper(0, 2.0),), lambda _, speed: -2.0 * speed),
-    "by time": (
-        (TorqueByTime(0, TABLE), TurningDamper(0, 1.5)),
-        lambda t, speed: float(np.interp(t, TIMES, VALUES)) - 1.5 * speed,
-    ),
-    "by speed": ((TorqueBySpeed(0, CUBIC),), lambda _, speed: cubic(speed)),
-}
-
-
-@pytest.mark.parametrize("name", ROTORS)
-def test_loads_on_turning_converge_to_the_equation_of_a_rotor(name: str) -> None:
-    loads, torque = ROTORS[name]
-    mechanism, v = rotor(*loads), np.array([0.0, 0.0, 1.0])
-    exact, errors, steps = turned(torque, np.linspace(0.0, 1.0, 11)), [], [1 / 40, 1 / 60, 1 / 80]
-    for step in steps:
-        found = run(mechanism, np.zeros(3), v, step=step)
-        errors.append(float(np.abs(found.q[:, 2] - exact).max()))
-    order, most = slope(steps, errors), 0.3 if name == "by time" else 2 * ORDER_TOLERANCE
-    assert abs(order - 4) < most, f"order {order:.3f} from errors {errors}"  # knots cut steps short
-    accurate: list[dict[str, Any]] = [{"step": ErrorControl(1e-12)}, {"step": 1e-3, "compiled": False}]
-    for settings in accurate:
-        found = run(mechanism, np.zeros(3), v, **settings)
-        assert np.abs(found.q[:, 2] - exact).max() < 1e-10, f"{settings}"
-        works = sum(found.sums[f"load{k}"] for k in range(len(loads)))
-        assert np.abs(kinetic_J(mechanism, found.v) - 0.25 - works).max() < 1e-9
-
-
-@SETTINGS
-def test_a_slider_driven_out_on_a_free_arm_keeps_angular_momentum(settings: dict[str, Any]) -> None:
-    mass, first, motion = 0.7, 0.3, Ramp(0.2, 1.5, 0.6)
-    constraints: tuple[Constraint, ...] = (
-        RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),
-        Slot(0, (0.1, 0.0), 1, (0.0, 0.0), 0.0),
-        SameAngle(0, 1),
-        PrescribedSlide(0, (0.1, 0.0), 1, (0.0, 0.0), 0.0, motion),
-    )
-    mechanism = Mechanism((Body(1.0, 0.08), Body(mass, 0.02)), constraints)
-    spin = 3.0
-    q = np.array([0.0, 0.0, 0.0, first, 0.0, 0.0])
-    v = np.array([0.0, 0.0, spin, 0.2, first * spin, spin])
-    found = run(mechanism, q, v, **({"step": 2e-3} | settings))
-
-    def radius(t: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        x = np.clip(np.asarray(t) / 0.6, 0.0, 1.0)
-        past = np.maximum(np.asarray(t) - 0.6, 0.0)
-        out = first + 0.2 * np.asarray(t) + 1.3 * (0.6 * (2.5 * x**4 - 3 * x**5 + x**6) + past)
-        return out, 0.2 + 1.3 * (10 * x**3 - 15 * x**4 + 6 * x**5), 1.3 / 0.6 * 30 * (x * (1 - x)) ** 2
-
-    momentum, times = (0.1 + mass * first**2) * spin, found.time_s
-    r, r_rate, r_acceleration = radius(times)
-    spins = momentum / (0.1 + mass * r**2)
-    angle = solve_ivp(
-        lambda t, _: [float(momentum / (0.1 + mass * radius(t)[0] ** 2))],
-        (0.0, 1.0), [0.0], "DOP853", times, rtol=1e-13, atol=1e-14, max_step=0.1,
-    ).y[0]  # fmt: skip
-    assert np.abs(found.q[:, 2] - angle).max() < 1e-9
-    assert np.abs(np.hypot(found.q[:, 3], found.q[:, 4]) - r).max() < 1e-9
-    assert np.abs(found.v[:, 2] - spins).max() < 1e-8
-    assert np.abs(found.multipliers[:, -1] - mass * (r_acceleration - r * spins**2)).max() < 1e-7
-    energy = (0.1 + mass * r**2) * spins**2 / 2 + mass * r_rate**2 / 2
-    assert np.abs(found.constraint_work_J - (energy - energy[0])).max() < 1e-8
-    assert created_J(found).max() < 1e-8
-
-
-@pytest.mark.parametrize("damping", [0.0, 4.0])
-def test_what_a_spring_s_damper_loses_has_a_line_of_its_own(damping: float) -> None:
-    spring = SpringDamper(GROUND, (0.0, 0.0), 0, (0.1, 0.0), 200.0, damping, 0.4)
-    hung = Mechanism((Body(2.0, 0.05),), (), (spring,), 9.81, gravity_x_m_s2=-2.0)
-    found = run(hung, np.array([0.1, -0.5, 0.3]), np.array([0.3, 0.0, 1.0]), step=1e-3)
-    assert ("load0" in found.sums) == bool(damping)
-    assert created_J(found).max() < 1e-8
-    if damping:
-        assert np.diff(found.sums["load0"]).max() < 0
-
-
 def test_a_dependence_is_told_by_the_names_of_the_joints_in_it() -> None:
-    pin = RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0))
-    far = RevoluteJoint(0, (1.0, 0.0), 1, (0.0, 0.0))
+    pin, far = RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)), RevoluteJoint(0, (1.0, 0.0), 1, (0.0, 0.0))
     twice = Mechanism(BODIES, (pin, far, SameAngle(0, 1), SameAngle(1, 0)))
+    pinned = Mechanism(BODIES, (pin, far, pin), names=("O", "A", "P"))
+    driven = Mechanism(BODIES, (pin, PrescribedSpeed(0, 1.0), PrescribedSpeed(0, 1.0)))
     q, v = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.zeros(6)
-    for mechanism, joints in (
-        (twice, ("SameAngle 2", "SameAngle 3")),
-        (replace(twice, names=("A", "B", "C", "C")), ("C",)),
-        (replace(twice, names=("A", "B", "C", "D")), ("C", "D")),
+    for mechanism, rank, rows, joints in (
+        (twice, 5, 6, ("SameAngle 2", "SameAngle 3")),
+        (replace(twice, names=("A", "B", "C", "C")), 5, 6, ("C",)),
+        (replace(twice, names=("A", "B", "C", "D")), 5, 6, ("C", "D")),
+        (pinned, 4, 6, ("O", "P")),
+        (driven, 3, 4, ("PrescribedSpeed 1", "PrescribedSpeed 2")),
     ):
+        turning = v + (mechanism is driven) * np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
         with pytest.raises(SingularConfiguration) as refusal:
-            run(mechanism, q, v)
-        assert refusal.value.joints == joints
-        told = f"the joints' rows have rank 5 of 6 at t = 0 s, those of {', '.join(joints)} depend"
+            run(mechanism, q, turning)
+        assert (refusal.value.rank, refusal.value.rows, refusal.value.joints) == (rank, rows, joints)
+        told = f"the joints' rows have rank {rank} of {rows} at t = 0 s, those of {', '.join(joints)} depend"
         assert str(refusal.value).startswith(told)
 
 

@@ -1,6 +1,6 @@
 """Rigid walls: flight, impact and following of one pin in closed form, and of crank-sliders' pins."""
 
-from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import RIGID_SCENES
+from engine_models.scene.parts import AnyScene
 from reference_solver.failures import InconsistentStart
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import (
@@ -17,15 +18,13 @@ from reference_solver.mechanism.mechanism import (
     Body,
     ClearanceJoint,
     Mechanism,
-    PrescribedSpeed,
-    RevoluteJoint,
 )
 from reference_solver.rigid.bouncing import LOG_ROWS
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice, solve
-from tests.helpers.kernels import straight_guide
 from tests.helpers.mechanism_energy import energy_residual_J, kinetic_energy_J
-from tests.helpers.orders import ORDER_TOLERANCE, slope
+from tests.helpers.orders import slope
+from tests.scenes import scene
 from tests.solver.pins import CLEARANCE, GRAVITY, MASS, RADIUS, bearing, disc, run
 
 FloatArray = NDArray[np.float64]
@@ -42,37 +41,15 @@ SPEED = 1e-12
 ROUND_OFF = 64 * EPS
 
 
-def pinned(
-    restitution: float,
-    gravity: float = 0.0,
-    friction: float = 0.0,
-    clearance: float = CLEARANCE,
-    radius: float = RADIUS,
-) -> Mechanism:
+def pinned(restitution: float, gravity: float = 0.0, friction: float = 0.0, **sizes: Any) -> Mechanism:
     law = FrictionLaw("tanh", friction, 0.01) if friction else None
-    joint = bearing(RigidWall(restitution), law, clearance=clearance, radius=radius)
+    joint = bearing(RigidWall(restitution), law, **sizes)
     return disc(joint, gravity=gravity, inertia=INERTIA)
 
 
 def close(found: object, expected: object, tolerance: float, what: str) -> None:
     difference = np.abs(np.asarray(found) - np.asarray(expected)).max()
     assert difference <= tolerance, f"{what}: off by {difference:.2e}, allowed {tolerance:.1e}"
-
-
-def test_a_pin_without_gravity_crosses_its_bearing_at_the_closed_form_times() -> None:
-    e, speed = 0.9, 0.01
-    found = run(pinned(e), [0.0] * 3, [speed, 0.0, 0.0], 2.0, 100, compiled=True)
-    k = np.arange(len(found.impacts))
-    assert len(k) == 11
-    # c/v to the wall, then a diameter 2c at the speed e^k v.
-    times = CLEARANCE / speed + np.concatenate([[0], np.cumsum(2 * CLEARANCE / (speed * e ** k[1:]))])
-    close([i.time_s for i in found.impacts], times, CLOSED_FORM, "times in s")
-    for impact in found.impacts:
-        exact = (1 - e**2) / 2 * impact.approach_speed_m_s**2 * MASS
-        assert impact.energy_lost_J == pytest.approx(exact, rel=ROUND_OFF)
-        assert impact.effective_mass_kg == pytest.approx(MASS, rel=ROUND_OFF)
-    assert not found.closed.any()
-    assert not found.joint_force_N.any()
 
 
 @pytest.mark.parametrize("controlled", [False, True], ids=["rk4", "dop853"])
@@ -94,6 +71,10 @@ def test_the_bounces_under_gravity_converge_in_closed_form_and_end_at_rest_on_th
     heights = (flights / 2) ** 2 * GRAVITY / 2
     closing = int(np.argmax(heights < 1e-12 * RADIUS if controlled else flights < 1e-3 * end / steps))
     assert [i.kind for i in found.impacts] == ["impact"] * closing + ["closing"]
+    for impact in found.impacts[:-1]:
+        exact = (1 - e**2) / 2 * impact.approach_speed_m_s**2 * MASS
+        assert impact.energy_lost_J == pytest.approx(exact, rel=ROUND_OFF)
+        assert impact.effective_mass_kg == pytest.approx(MASS, rel=ROUND_OFF)
     last = found.impacts[-1]
     assert last.energy_lost_J == pytest.approx(MASS * last.approach_speed_m_s**2 / 2, rel=ROUND_OFF)
     assert found.sums["closing0"][-1] == last.energy_lost_J
@@ -149,46 +130,17 @@ def test_a_pin_that_leaves_its_wall_without_speed_flies_to_where_the_parabola_me
 
 
 LONG = 0.05  # m: a clearance in which a pin slides like a pendulum
-WIDE = 0.2  # m: its bearing
+SWING = pinned(0.5, GRAVITY, clearance=LONG, radius=0.2)
 
 
 def pendulum(angle: float, rate: float, times: FloatArray) -> FloatArray:
     """Return angle from straight down and rate (n, 2) of a pendulum of length ``LONG``."""
-    solution = solve_ivp(
-        lambda _, y: [y[1], -GRAVITY / LONG * np.sin(y[0])],
-        (0.0, times[-1]),
-        [angle, rate],
-        "DOP853",
-        t_eval=times,
-        rtol=1e-13,
-        atol=1e-14,
-    )
-    return np.asarray(solution.y.T)
 
+    def rates(_: float, y: FloatArray) -> list[float]:
+        return [y[1], -GRAVITY / LONG * np.sin(y[0])]
 
-def test_a_pin_slides_along_its_wall_as_a_pendulum_at_order_four() -> None:
-    angle, end, counts = 1.2, 1.0, [2000, 4000, 8000]
-    truth = pendulum(angle, 0.0, np.linspace(0, end, 11))
-    place = LONG * np.column_stack([np.sin(truth[:, 0]), -np.cos(truth[:, 0])])
-    tension = MASS * (GRAVITY * np.cos(truth[:, 0]) + LONG * truth[:, 1] ** 2)
-    force = -(tension / LONG)[:, None] * place
-    errors: dict[str, list[float]] = {"place": [], "force": []}
-    for count in counts:
-        found = run(
-            pinned(0.5, GRAVITY, clearance=LONG, radius=WIDE),
-            [*place[0], 0.0],
-            [0.0] * 3,
-            end,
-            count,
-            compiled=True,
-        )
-        assert found.closed.all()
-        assert not found.impacts
-        errors["place"].append(float(np.abs(found.q[:, :2] - place).max()))
-        errors["force"].append(float(np.abs(found.joint_force_N[:, 0] - force).max()))
-    for name, values in errors.items():
-        order = -slope(counts, values)
-        assert abs(order - 4) < ORDER_TOLERANCE, f"{name}: order {order:.3f} of {values}"
+    span = 0.0, times[-1]
+    return np.asarray(solve_ivp(rates, span, [angle, rate], "DOP853", times, rtol=1e-13, atol=1e-14).y.T)
 
 
 def test_a_pin_thrown_up_its_wall_leaves_where_the_closed_form_says_and_falls_back_on_a_parabola() -> None:
@@ -206,13 +158,7 @@ def test_a_pin_thrown_up_its_wall_leaves_where_the_closed_form_says_and_falls_ba
     fall = 4 * sideways * np.sin(leaving) / GRAVITY
     counts, errors = [150, 300, 600], []
     for count in counts:
-        found = run(
-            pinned(0.5, GRAVITY, clearance=LONG, radius=WIDE),
-            [0.0, -LONG, 0.0],
-            [speed, 0.0, 0.0],
-            0.3,
-            count,
-        )
+        found = run(SWING, [0.0, -LONG, 0.0], [speed, 0.0, 0.0], 0.3, count)
         assert [c.following for c in found.mode_changes[:2]] == [(0,), ()]
         leave, back = found.mode_changes[1].time_s, found.impacts[0].time_s
         errors.append(abs(leave - reached))
@@ -249,12 +195,8 @@ def test_a_spinning_disc_gets_the_closed_form_tangential_impulse(friction: float
     remaining = sliding + tangential * (1 / MASS + arm**2 / INERTIA)
     lost = (1 - e**2) / 2 * MASS * approach**2 - tangential * (sliding + remaining) / 2
     assert impact.energy_lost_J == pytest.approx(lost, rel=ROUND_OFF)
-    close(
-        energy_residual_J(found),
-        0.0,
-        ROUND_OFF * kinetic_energy_J(found.mechanism, found.v)[0],
-        "ledger in J",
-    )
+    kinetic = kinetic_energy_J(found.mechanism, found.v)[0]
+    close(energy_residual_J(found), 0.0, ROUND_OFF * kinetic, "ledger in J")
 
 
 def test_a_slow_approach_closes_without_rebound() -> None:
@@ -271,42 +213,16 @@ def test_a_pin_outside_its_bearing_is_refused() -> None:
 
 # Crank-sliders
 
-CRANK, ROD, CRANK_SPEED = 0.05, 0.12, 2 * np.pi * 5000 / 60
 
-
-def mechanism(clearance: float = 0.0, restitution: float = 0.0) -> Mechanism:
-    """Return crank, rod and slider, whose joint has clearance or is ideal."""
-    pin = 1, (ROD / 2, 0.0), 2, (0.0, 0.0)
-    constraints = (
-        RevoluteJoint(GROUND, (0.0, 0.0), 0, (-CRANK / 2, 0.0)),
-        RevoluteJoint(0, (CRANK / 2, 0.0), 1, (-ROD / 2, 0.0)),
-        *straight_guide(2, (0.0, 0.0), 0.0),
-        PrescribedSpeed(0, CRANK_SPEED),
-    )
-    bodies = Body(0.30, 1e-4), Body(0.21, 2.5e-4), Body(0.14, 1e-4)
-    if not clearance:
-        return Mechanism(bodies, (*constraints, RevoluteJoint(*pin)), (), GRAVITY)
-    joint = ClearanceJoint(*pin, clearance, 0.01, RigidWall(restitution))
-    return Mechanism(bodies, constraints, (), GRAVITY, (joint,))
-
-
-def start() -> tuple[FloatArray, FloatArray]:
-    """Return the concentric start with the ideal joint's velocities."""
-    rod_rate = -CRANK * CRANK_SPEED / ROD
-    q = np.array([CRANK / 2, 0, 0, CRANK + ROD / 2, 0, 0, CRANK + ROD, 0, 0])
-    v = [0, CRANK_SPEED * CRANK / 2, CRANK_SPEED, 0, CRANK_SPEED * CRANK / 2, rod_rate, 0, 0, 0]
-    return q, np.array(v)
-
-
-@cache
-def turned(clearance: float, restitution: float, end: float, steps: int, compiled: bool = True) -> Solution:
-    made, step = mechanism(clearance, restitution), end / steps
-    return solve(made, *start(), end_time_s=end, samples=100, step=step, compiled=compiled)
+def turned(of: AnyScene, end_s: float, steps: int, samples: int = 100) -> Solution:
+    """Return a scene's run in so many steps."""
+    q, v = (part.ravel() for part in start_state(of))
+    return solve(mechanism_of(of), q, v, end_time_s=end_s, samples=samples, step=end_s / steps)
 
 
 def test_the_ledger_closes_at_order_four_over_a_revolution_with_impacts_closings_and_following() -> None:
-    counts = [6000, 12000, 24000]
-    runs = [turned(5e-4, 0.5, 0.012, count) for count in counts]
+    counts, of = [6000, 12000, 24000], scene("rigid").replace("clearance.B.restitution", 0.5)
+    runs = [turned(of, 0.012, count) for count in counts]
     kinds = {impact.kind for impact in runs[-1].impacts}
     assert kinds == {"impact", "closing"}
     assert len(runs[-1].mode_changes) > 2
@@ -320,9 +236,7 @@ def test_the_ledger_closes_at_order_four_over_a_revolution_with_impacts_closings
 
 def test_a_pin_follows_a_narrow_bearing_at_any_longest_step() -> None:
     """It rolls round a clearance of 0.02 mm a hundred times faster than the crank turns."""
-    scene = RIGID_SCENES["rigid-driven-0.02mm"]()
-    q, v = (part.ravel() for part in start_state(scene))
-    found = solve(mechanism_of(scene), q, v, end_time_s=0.012, samples=100, step=5e-5)
+    found = turned(RIGID_SCENES["rigid-driven-0.02mm"](), 0.012, 240)
     closed = found.closed[:, 0]
     assert closed.mean() > 0.5
     distance = np.hypot(*found.gap_m[:, 0].T)
@@ -332,9 +246,7 @@ def test_a_pin_follows_a_narrow_bearing_at_any_longest_step() -> None:
 
 
 def test_impacts_are_not_lost_where_their_log_is_full() -> None:
-    scene = RIGID_SCENES["rigid-driven-AB"]()
-    q, v = (part.ravel() for part in start_state(scene))
-    found = solve(mechanism_of(scene), q, v, end_time_s=0.02, samples=1, step=5e-5)
+    found = turned(RIGID_SCENES["rigid-driven-AB"](), 0.02, 400, 1)
     assert len(found.impacts) > 2 * LOG_ROWS
     lost = sum(impact.energy_lost_J for impact in found.impacts if impact.kind != "closing")
     assert lost == pytest.approx(found.sums["impact0"][-1] + found.sums["impact1"][-1], rel=1e-12)

@@ -1,6 +1,8 @@
 """Singular positions: runs that pass one are right, or are refused; and every run is held to its energy."""
 
 from dataclasses import replace
+from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -112,18 +114,10 @@ def test_the_energy_guard_has_a_margin_of_ten_on_coarse_and_fine_steps(
     for bound in ("MARGIN", "ROUND_OFF", "MOVED"):
         monkeypatch.setattr(guard, bound, getattr(guard, bound) / 10)
     scene = IDEAL_SCENES[name]()
-    q, v = (part.ravel() for part in start_state(scene))
-    for steps in (100, 300, 1000, 10_000):
-        for samples in (1, 20):
-            solve(
-                mechanism_of(scene),
-                q,
-                v,
-                end_time_s=scene.end_time_s,
-                samples=samples,
-                step=scene.end_time_s / steps,
-                stabilisation=VARIANTS[variant],
-            )
+    (q, v), mechanism, end = start_state(scene), mechanism_of(scene), scene.end_time_s
+    solver = partial(solve, mechanism, q.ravel(), v.ravel(), stabilisation=VARIANTS[variant])
+    for steps, samples in product((100, 300, 1000, 10_000), (1, 20)):
+        solver(end_time_s=end, samples=samples, step=end / steps)
 
 
 def test_the_ledger_has_all_lines_and_a_run_that_gains_a_thousandth_is_refused() -> None:

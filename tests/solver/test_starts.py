@@ -16,7 +16,6 @@ CLEARANCE_M, SPEED_RAD_S = 1e-4, 371.43
 INSIDE, BEFORE = (0.950, 0.389), (0.925, 0.378)
 #: Its rate out of the wall and into it, in clearances times crank speed.
 LEAVING, ENTERING = (-2.81, 5.80), (2.81, 5.80)
-HERTZ = {"clearance.B.law": "hertz", "clearance.B.restitution": None}
 #: Two turns of a pin that touches and leaves take a thousand steps.
 END_S, STEPS = 4 * np.pi / SPEED_RAD_S, 10_000
 
@@ -46,20 +45,20 @@ def test_a_pin_that_leaves_a_wall_at_the_start_is_refused_as_its_touch_is_not_kn
         steps(beginning(INSIDE, LEAVING))
 
 
-@pytest.mark.parametrize(("place", "rate"), [(INSIDE, ENTERING), (BEFORE, LEAVING)])
-def test_a_pin_that_enters_its_wall_or_is_before_it_starts_and_bounces(
-    place: tuple[float, float], rate: tuple[float, float]
+@pytest.mark.parametrize(
+    ("place", "rate", "changes"),
+    [
+        (INSIDE, ENTERING, {}),
+        (BEFORE, LEAVING, {}),
+        (INSIDE, LEAVING, {"clearance.B.law": "hertz", "clearance.B.restitution": None}),
+        (INSIDE, LEAVING, {"clearance.B.minimum_impact_speed_m_s": 0.01}),
+    ],
+    ids=["entering", "before the wall", "law without damping", "floor of the impact speed as stated"],
+)
+def test_a_pin_whose_touch_is_known_or_has_no_part_in_the_force_starts_and_bounces(
+    place: tuple[float, float], rate: tuple[float, float], changes: dict[str, object]
 ) -> None:
-    assert steps(beginning(place, rate)) < STEPS
-
-
-def test_a_pin_leaves_a_wall_whose_law_has_no_damping_at_any_start() -> None:
-    assert steps(beginning(INSIDE, LEAVING).replace(HERTZ)) < STEPS
-
-
-def test_a_floor_of_the_impact_speed_that_a_scene_states_is_taken_at_its_word() -> None:
-    stated = {"clearance.B.minimum_impact_speed_m_s": 0.01}
-    assert steps(beginning(INSIDE, LEAVING).replace(stated)) < STEPS
+    assert steps(beginning(place, rate).replace(changes)) < STEPS
 
 
 #: The turns as a double are off by 2.4e-16 rad each, their sum by half its spacing; the crank is 0.15 m long.

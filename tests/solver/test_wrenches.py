@@ -5,36 +5,23 @@ from functools import cache
 import numpy as np
 import pytest
 
-from engine_models.engine import FloatArray, RunSettings, Trajectory
+from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.equations import mechanism_of
-from engine_models.mechanics.reactions import reactions
 from engine_models.mechanics.states import lever_m
 from engine_models.mechanics.wrenches import accelerations, wrenches
-from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.file import from_toml
-from engine_models.scene.library.mechanisms import MECHANISMS
 from engine_models.scene.parts import AnyScene
 from reference_solver.contact.types import CONTACT, FLIGHT
 from reference_solver.equations import Equations
 from reference_solver.mechanism.mechanism import Mechanism
 from studies.command.trajectory_table import sample_columns
-from tests.helpers.arrays import joint_forces
-from tests.helpers.machines import MACHINES
+from tests.engines.runs import fresh, run
+from tests.scenes import scene
 
-SHARP, SAMPLES = ReferenceEngine(method="dop853", step_tolerance=1e-12), 100
 #: Round-off of forces and accelerations, in parts of the largest.
 ROUND_OFF = 1e-9
-#: Scenes of the library, and where runs end in s; with clearance in flight, so that all impacts are over.
-ENDS_S = {"andrews-squeezer": 0.03, "quick-return": 0.2, "four-bar-clearance": 0.04}
-ALL = [*ENDS_S, *MACHINES]
-
-
-@cache
-def ran(name: str) -> tuple[AnyScene, Trajectory]:
-    """Return a scene and its run."""
-    of = from_toml(MACHINES[name]) if name in MACHINES else MECHANISMS[name]()
-    of = of.replace("end_time_s", ENDS_S.get(name, of.end_time_s))
-    return of, SHARP.simulate(of, RunSettings(of.end_time_s, SAMPLES))
+#: Scenes with all kinds of parts, and steps between samples of runs that others look at, too.
+STEPS = {"everything": 27, "yoke": 27, "bead": 27, "bearing": 243, "loop": 243}
 
 
 def phases_of(of: Mechanism, run: Trajectory, sample: int) -> FloatArray:
@@ -50,63 +37,46 @@ def phases_of(of: Mechanism, run: Trajectory, sample: int) -> FloatArray:
 
 
 @cache
-def by_the_solver(name: str) -> FloatArray:
-    """Return the accelerations (n, bodies, 3) that the reference's equations have in a run's states."""
-    of, run = ran(name)
-    mechanism, (n, *shape) = mechanism_of(of), run.position.shape
-    q, v = run.position.reshape(n, -1), run.velocity.reshape(n, -1)
+def ran(name: str) -> tuple[AnyScene, Trajectory, FloatArray]:
+    """Return a scene, its run, and the accelerations (n, bodies, 3) that equations have in its states."""
+    of = scene(name)
+    if name == "everything":
+        of = of.replace("start.time_s", 0.03)
+    found, mechanism = run("reference", of, STEPS[name]), mechanism_of(of)
+    n, *shape = found.position.shape
+    q, v = found.position.reshape(n, -1), found.velocity.reshape(n, -1)
     equations = Equations(mechanism, q[0])
-    found = [
-        equations.accelerations(float(run.time_s[k]), q[k], v[k], phases_of(mechanism, run, k))[0]
+    accelerated = [
+        equations.accelerations(float(found.time_s[k]), q[k], v[k], phases_of(mechanism, found, k))[0]
         for k in range(n)
     ]
-    return np.reshape(found, (n, *shape))
+    return of, found, np.reshape(accelerated, (n, *shape))
 
 
 def close(found: FloatArray, true: FloatArray, scale: float | np.floating) -> None:
     np.testing.assert_allclose(found, true, rtol=0, atol=ROUND_OFF * float(scale))
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", STEPS)
 def test_what_acts_on_bodies_accelerates_them_as_the_solver_says(name: str) -> None:
-    (of, run), true = ran(name), by_the_solver(name)
+    of, run, true = ran(name)
     found = accelerations(of.mechanism, wrenches(of, run))
     for part in (slice(0, 2), slice(2, 3)):
         close(found[..., part], true[..., part], np.abs(true[..., part]).max())
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_reactions_to_such_accelerations_are_the_multipliers(name: str) -> None:
-    of, run = ran(name)
-    found = reactions(of, run.time_s, run.position, run.velocity, by_the_solver(name), run.contacts)
-    assert [*found.joint_force_N] == [*run.joint_force_N]
-    assert [*found.guide_force_N] == [*run.guide_force_N]
-    assert found.guide_moment_N_m.keys() == run.guide_moment_N_m.keys()
-    forces = [*run.joint_force_N.values(), *run.guide_force_N.values()]
-    largest, lever = max(np.abs(force).max() for force in forces), lever_m(of)
-    close(joint_forces(found), joint_forces(run), largest)
-    for guide, force in run.guide_force_N.items():
-        close(found.guide_force_N[guide], force, largest)
-    for guide, moment in run.guide_moment_N_m.items():
-        close(found.guide_moment_N_m[guide], moment, largest * lever)
-    assert (found.driver_torque_N_m is None) == (run.driver_torque_N_m is None)
-    if found.driver_torque_N_m is not None and run.driver_torque_N_m is not None:
-        along = of.mechanism.drive.guide is not None
-        close(found.driver_torque_N_m, run.driver_torque_N_m, largest * (1.0 if along else lever))
-
-
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", STEPS)
 def test_the_ground_feels_the_bodies_weights_and_inertia(name: str) -> None:
     """By hand: the sums of m (g - a) and of their moments about the origin, less I alpha."""
-    (of, run), a = ran(name), by_the_solver(name)
-    bodies, g = of.mechanism.bodies, np.array(of.mechanism.gravity_m_s2)
-    force, moment = np.zeros((len(a), 2)), np.zeros(len(a))
-    for k, body in enumerate(bodies):
-        own, place = body.mass_kg * (g - a[:, k, :2]), run.position[:, k, :2]
-        force += own
-        moment += place[:, 0] * own[:, 1] - place[:, 1] * own[:, 0] - body.inertia_kg_m2 * a[:, k, 2]
-    ground, largest = wrenches(of, run)[:, -1], np.abs(joint_forces(run)).max()
-    close(ground[:, :2], force, largest)
+    of, run, a = ran(name)
+    masses = np.array([body.mass_kg for body in of.mechanism.bodies])
+    inertias = np.array([body.inertia_kg_m2 for body in of.mechanism.bodies])
+    own = masses[:, None] * (np.array(of.mechanism.gravity_m_s2) - a[..., :2])
+    x, y = run.position[..., 0], run.position[..., 1]
+    moment = (x * own[..., 1] - y * own[..., 0] - inertias * a[..., 2]).sum(axis=1)
+    forces = [*run.joint_force_N.values(), *run.guide_force_N.values()]
+    ground, largest = wrenches(of, run)[:, -1], max(np.abs(force).max() for force in forces)
+    close(ground[:, :2], own.sum(axis=1), largest)
     close(ground[:, 2], moment, largest * lever_m(of))
 
 
@@ -115,24 +85,17 @@ name = "standing"
 end_time_s = 0.01
 gravity_m_s2 = 9.81
 observe = "rail.along"
-[body.carriage]
-pins_m = { S = 0.0 }
-centre_of_mass_m = [0.1, 0.05]
-mass_kg = 2.0
-inertia_kg_m2 = 0.03
-[guide.rail]
-body = "carriage"
-pin = "S"
-through_m = [0.0, 0.2]
-[start]
-position_m = { rail = 0.3 }
+guide.rail = { body = "carriage", pin = "S", through_m = [0.0, 0.2] }
+start.position_m.rail = 0.3
+[body]
+carriage = { pins_m = { S = 0.0 }, centre_of_mass_m = [0.1, 0.05], mass_kg = 2.0, inertia_kg_m2 = 0.03 }
 """
 
 
 def test_the_ground_carries_what_is_at_rest() -> None:
     """The centre of mass is 0.1 m in front of the pin that the rail pushes at."""
     of = from_toml(STANDING)
-    columns = sample_columns(of, SHARP.simulate(of, RunSettings(0.01, 2)))
+    columns = sample_columns(of, fresh("reference", of, 1, 2))
     weight = 2.0 * 9.81
     assert columns["ground_force_x_N"] == pytest.approx(np.zeros(3), abs=1e-12)
     assert columns["ground_force_y_N"] == pytest.approx(np.full(3, -weight), rel=1e-12)
@@ -148,31 +111,19 @@ end_time_s = 0.01
 gravity_m_s2 = 9.81
 observe = "R.x"
 ground.pins_m = { O = [0.5, 0.2] }
-[body.beam]
-pins_m = { O = 0.0, R = 2.0 }
-centre_of_mass_m = 0.5
-mass_kg = 4.0
-inertia_kg_m2 = 1.0
-[body.roller]
-pins_m = { R = 0.0 }
-mass_kg = 1.0
-inertia_kg_m2 = 0.01
-[guide.floor]
-body = "roller"
-pin = "R"
-through_m = [0.0, 0.2]
-[load.roller]
-force_N = 7.0
-torque_N_m = 0.6
-[start]
-angle_rad = { beam = 0.0 }
+guide.floor = { body = "roller", pin = "R", through_m = [0.0, 0.2] }
+load.roller = { force_N = 7.0, torque_N_m = 0.6 }
+start.angle_rad.beam = 0.0
+[body]
+beam = { pins_m = { O = 0.0, R = 2.0 }, centre_of_mass_m = 0.5, mass_kg = 4.0, inertia_kg_m2 = 1.0 }
+roller = { pins_m = { R = 0.0 }, mass_kg = 1.0, inertia_kg_m2 = 0.01 }
 """
 
 
 def test_a_beam_rests_on_its_pin_and_its_roller_and_loads_push_back_on_the_ground() -> None:
     """4 kg a quarter of the way to the roller of 1 kg; all that pushes on it is the ground's own."""
     of = from_toml(BEAM)
-    run = SHARP.simulate(of, RunSettings(0.01, 2))
+    run = fresh("reference", of, 1, 2)
     g = 9.81
     assert run.joint_force_N["O"] == pytest.approx(np.tile([-7.0, 3 * g], (3, 1)))
     assert run.joint_force_N["R"] == pytest.approx(np.tile([-7.0, -1 * g], (3, 1)))
