@@ -26,7 +26,7 @@ from reports.page import FINDINGS, Report, write_report
 from reports.parts import Table
 from reports.results import ENDING, FACTS, head_of
 from reports.tables import markdown
-from studies import STUDIES
+from studies.registry import STUDIES
 from studies.store import Store
 
 #: Columns of times, and those that say no more than the file and the row itself.

@@ -21,8 +21,8 @@ from engine_models.engines import engine_module
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown
 from engine_models.scene.scene import Scene
-from studies import STUDIES, study_module
 from studies.failures import Failed, bug
+from studies.registry import STUDIES, study_module
 
 Value = str | int | float | bool | None
 #: One flat row of results: units are in the column names, failures have ``status`` and ``reason``.

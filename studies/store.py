@@ -19,11 +19,13 @@ from studies.failures import BadInput
 #: The file of a results folder, and beside it the one that a run locks.
 FILE, LOCK = "results.sqlite", "results.lock"
 SCHEMA = """
+begin immediate;
 create table if not exists row (
     key text primary key, study text not null, engine text not null, code text not null, status text not null,
     content text not null, curves blob);
 create table if not exists study (name text primary key, facts text not null);
 pragma user_version = 1;
+commit;
 """
 #: The form of the tables, which a file of another one does not have.
 FORM = 1

@@ -148,7 +148,8 @@ class Worker:
         code = self._end()
         if code == NO_MAIN_GUARD:
             guard = 'if __name__ == "__main__":'
-            raise Failed(f"script: expected this call under {guard}, since every process imports the script")
+            reason = f"script: expected this call under {guard}, since every process imports the script"
+            raise Failed(reason) from None
         signals = {number.value: number.name for number in signal.Signals}
         name = signals.get(-code, f"signal {-code}")
         how = f"killed by {name}" if code < 0 else f"ended with exit code {code}"
@@ -217,8 +218,8 @@ def _starting() -> Iterator[None]:
     A file of the user's there, ``array.py``, would take the place of Python's own module. What this process
     has in its path it has too, once it has begun.
     """
-    before = os.environ.get(SAFE_PATH)
     with _CHILDREN:
+        before = os.environ.get(SAFE_PATH)
         os.environ[SAFE_PATH] = "1"
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if os.name == "posix" else ()
         try:

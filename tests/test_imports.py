@@ -1,15 +1,13 @@
 """The house: which folders may import which, one way only, and no folder too full to be seen at a glance."""
 
-import ast
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from graphlib import TopologicalSorter
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
-PACKAGES = ("reference_solver", "engine_models", "studies", "reports")
+from tests.helpers.imports import PACKAGES, ROOT, imported
+
 #: The library's door, a module at the top.
 DOOR = "crankslider.py"
 #: What a file may import of the other packages: the longest entry that its path begins with decides.
@@ -41,19 +39,6 @@ FILES = [
 TESTS = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("*.py"))
 MOST_ENTRIES = 28
 ENGINE_ROOMS = tuple(f"engine_models/{room}/" for room in ("reference", "exudyn", "pymunk", "scipy_ivp"))
-
-
-def imported(file: str, packages: tuple[str, ...] = PACKAGES) -> Iterator[str]:
-    """Yield the dotted names of these packages that a file imports, anywhere in it."""
-    for node in ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{file}: relative import"
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-        else:
-            continue
-        yield from (name for name in names if name.split(".")[0] in packages)
 
 
 def file_of(name: str) -> str:

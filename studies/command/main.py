@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Exit, Option, Typer
 
-from studies import STUDIES, failures
+from studies import failures
+from studies.registry import STUDIES
 
 if TYPE_CHECKING:
     from studies.command.finished_run import Run

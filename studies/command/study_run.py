@@ -7,9 +7,9 @@ from pathlib import Path
 from engine_models.engines import join
 from engine_models.kernels import KernelsRefused, writable_folder
 from engine_models.scene.plain_words import meant, one_of, shown
-from studies import STUDIES
 from studies.command.options import read_engine
 from studies.failures import BadInput, terminated_as_interrupted, writing
+from studies.registry import STUDIES
 from studies.whole_file import require_folder
 
 

@@ -9,8 +9,8 @@ from engine_models import arms, engines
 from engine_models.arms import NAMED, Arm
 from engine_models.engines import engine_class, make_engine
 from reports.style import legend_place, line_styles
-from studies import STUDIES
 from studies.case import Case, load_study, run_case
+from studies.registry import STUDIES
 
 pytestmark = pytest.mark.system
 

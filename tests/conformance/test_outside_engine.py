@@ -10,6 +10,7 @@ import pytest
 from engine_models import engines
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
+from studies.case import code_of
 from studies.conformance.orders import states_its_accuracy
 from studies.store import Store
 from tests.helpers.command import crankslider
@@ -69,6 +70,7 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(engines, "_CLASSES", classes := dict(engines._CLASSES))
     monkeypatch.setattr(engines, "ENGINES", classes.keys())
     monkeypatch.delitem(sys.modules, "my_module", raising=False)
+    code_of.cache_clear()  # of another test's file of that name
     return tmp_path
 
 

@@ -15,8 +15,8 @@ from typer.main import get_command
 
 from engine_models import engines
 from engine_models.scene.file import form_of
-from studies import STUDIES
 from studies.command.main import app
+from studies.registry import STUDIES
 from tests.docs.pages import EXAMPLES, PAGES, ROOT, Block, blocks
 from tests.helpers.command import crankslider
 

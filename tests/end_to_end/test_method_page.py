@@ -14,8 +14,8 @@ from engine_models.arms import MEANINGS, Arm
 from reports.chapters.method import CHAPTER
 from reports.parts import Studies
 from reports.results import FloatArray
-from studies import STUDIES
 from studies.case import load_study
+from studies.registry import STUDIES
 from tests.end_to_end.written_motions import LOOSE, motions
 
 PAGE = Path(reports.__file__).parent / "page"

@@ -18,7 +18,8 @@ from tests.helpers.mischief import NAME
 
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
 CODE = (
-    f"import studies; studies.STUDIES = {{'{NAME}': '{NAME}'}};from studies.command.main import main; main()"
+    f"from studies import registry; registry.STUDIES = {{'{NAME}': '{NAME}'}};"
+    "from studies.command.main import main; main()"
 )
 #: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it; or is not.
 HEAR = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"

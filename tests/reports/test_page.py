@@ -23,8 +23,9 @@ from reports.results import NoResults, frame
 from reports.shared_tables import settings_table
 from reports.style import axis_label, line_styles
 from reports.tables import comma_separated, error, markdown
-from studies import STUDIES, agreement
+from studies import agreement
 from studies.case import load_study
+from studies.registry import STUDIES
 from studies.store import FILE, Store
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal

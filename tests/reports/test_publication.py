@@ -16,7 +16,7 @@ from reports.parts import Chapter, Figure, Finding, Table
 from reports.publication import FIGURES, README, answer_of, certain, costs_of, tell, write_study
 from reports.results import Results, published_rows, read_study
 from reports.tables import comma_separated
-from studies import STUDIES
+from studies.registry import STUDIES
 from studies.store import Store
 from tests.helpers.row_files import write_rows
 

@@ -4,6 +4,7 @@ import os
 import socket
 import sys
 from collections.abc import Iterator
+from importlib import reload
 from pathlib import Path
 from typing import Any
 
@@ -68,24 +69,24 @@ def test_crashes_and_hangs_are_rows_of_theirs_and_what_is_timed_stays_on_this_ma
     assert parents[2] == os.getpid()
 
 
-def pretend(code: str) -> None:
-    """Make a worker say that its code is this."""
-    case_module.project_code = lambda: code  # type: ignore[assignment]
+def pretend() -> None:
+    """Make a worker say that its code is another."""
+    case_module.LIBRARIES = ()  # type: ignore[assignment]
+    case_module.versions.cache_clear()
     code_of.cache_clear()
 
 
-def be_honest(project_code: Any) -> None:
-    case_module.project_code = project_code
-    code_of.cache_clear()
+def be_honest() -> None:
+    reload(case_module)
 
 
 def test_workers_with_other_code_are_refused(local: LocalCluster, client: Client, tmp_path: Path) -> None:
-    honest, ours = case_module.project_code, code_of("reference")
-    client.run(pretend, "other")
+    ours = code_of("reference")
+    client.run(pretend)
     try:
         done = crankslider("run", "--scheduler", local.scheduler_address, "--out", tmp_path / "out")
     finally:
-        client.run(be_honest, honest)
+        client.run(be_honest)
     expected = f"--scheduler: expected workers with our code and libraries ({ours}), got "
     require_refusal(done.stdout, done.stderr, done.code, expected)
     assert not list(tmp_path.iterdir())

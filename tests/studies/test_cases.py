@@ -6,8 +6,8 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engines import make_engine
 from engine_models.pymunk.engine import PymunkEngine
-from studies import STUDIES
 from studies.case import Case, load_study
+from studies.registry import STUDIES
 
 #: What a study may add to an arm beside its tolerances: it resolves contacts, or is only a build.
 RESOLVING = {"sweeps_leave", "steps_per_contact", "fast"}

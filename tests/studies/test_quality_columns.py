@@ -6,8 +6,8 @@ from engine_models import arms
 from engine_models.scene.scene import Scene
 from reports.results import frame
 from reports.shared_tables import reliability, runs_tables
-from studies import STUDIES
 from studies.case import Case, load_study, run_case
+from studies.registry import STUDIES
 
 COLUMNS = ("unaccounted_energy_part", "ideal_gap_part", "penetration_part")
 

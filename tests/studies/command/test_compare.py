@@ -14,6 +14,7 @@ from engine_models.engine import RunSettings
 from engine_models.scene.library import SCENES
 from reports.run.command import command
 from studies.case import Case
+from studies.store import Store
 from tests.helpers.command import Finished, crankslider
 from tests.studies.truth.closed_forms.crank_slider import exact
 
@@ -72,9 +73,11 @@ def test_a_second_call_from_python_runs_nothing_again(
     folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     short = cs.load(folder / "mine.toml").replace("end_time_s", END_S)
-    before = (folder / "runs/rows.jsonl").read_bytes()
+    with Store(folder) as store:
+        before = store.statuses()
     found = cs.compare(short, engines=["reference"], folder=folder)
-    assert (folder / "runs/rows.jsonl").read_bytes() == before
+    with Store(folder) as store:
+        assert store.statuses() == before
     assert set(found.frame["engine"]) == {"reference"}
     assert "No other engine ran." in found.recommendation
     assert "unsupported" not in capfd.readouterr().err

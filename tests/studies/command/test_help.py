@@ -12,8 +12,9 @@ from engine_models.scene.plain_words import fields
 from reports import page
 from reports.page.build import Report
 from reports.parts import Finding
-from studies import STUDIES, failures, runner
+from studies import failures, runner
 from studies.command.main import app
+from studies.registry import STUDIES
 from tests.helpers.command import crankslider
 
 #: The names of all commands, and of those that print at once what they have to say.

@@ -22,7 +22,7 @@ from tests.engines.mechanism_texts import (
     scene,
 )
 from tests.engines.runs import run as run_of
-from tests.test_imports import imported
+from tests.helpers.imports import imported
 
 METHODS = (COLLOCATION, EXTRAPOLATION)
 #: Twice to ten times what is measured, with round-off of the integration that the ends come from.

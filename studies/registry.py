@@ -1,0 +1,21 @@
+"""The studies by name, each imported only when asked for."""
+
+#: On a machine without kernels the first case compiles those of the reference solution; of the second study
+#: none asks for it, so that no other process waits (see ``runner``).
+STUDIES = {
+    "agreement": "studies.agreement",
+    "energy": "studies.energy",
+    "clearance": "studies.clearance",
+    "predictability": "studies.predictability",
+    "work-precision": "studies.work_precision.study",
+    "stability": "studies.stability",
+    "extremes": "studies.extremes",
+    "motions": "studies.motions",
+}
+#: Studies of one scene of the user's, which commands of their own run.
+OF_ONE_SCENE = {"comparison": "studies.comparison.study", "sweep": "studies.sweeps.measure"}
+
+
+def study_module(name: str) -> str:
+    """Return the import path of a study's module; a study without a name here is named by that path."""
+    return {**STUDIES, **OF_ONE_SCENE}.get(name, name)
