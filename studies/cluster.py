@@ -33,9 +33,8 @@ class Cluster:
                 "the package distributed to be installed", "none (try crankslider[cluster])"
             ) from None
         for logger in ("distributed", "distributed.client", "distributed.core", "tornado.application"):
-            logging.getLogger(logger).setLevel(
-                logging.CRITICAL + 1
-            )  # what they tell with tracebacks we tell in a line
+            # What they tell with tracebacks, we tell in a line.
+            logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
         try:
             # Asked before there is a client: one that cannot connect complains once more at its end.
             server = asyncio.run(asyncio.wait_for(self._identity(address), 1.2 * CONNECT_S))["type"]

@@ -9,8 +9,8 @@ from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from studies.case import Case, Curves, Row, code_of, ended, load_study, provenance, run_case
 from studies.failures import Failed, progress_console
-from studies.store import NO_RESULT, Store
-from studies.workers import Ended, Pool
+from studies.store import Store
+from studies.workers import KILLED, Ended, Pool
 
 
 class Workers(Protocol):
@@ -80,7 +80,7 @@ def run_cases(
         def run(some: Sequence[Case], where: Workers, last: bool) -> None:
             for call, result in where.results(Call.answer, [Call(case) for case in some]):
                 row, curves = _row_of(call.case, result)
-                if row["status"] == NO_RESULT and not last:
+                if row["status"] == KILLED and not last:
                     again.append(call.case)
                 else:
                     store.keep(call.case.key, code_of(call.case.engine), row, curves)
@@ -114,7 +114,7 @@ class Call:
 
 def lacks(status: str | None, retry_failed: bool) -> bool:
     """Return whether a run that resumes has to make a case that ended so, None if it is not there."""
-    return status in (None, NO_RESULT) or (retry_failed and status not in ("ok", "unsupported"))
+    return status in (None, KILLED) or (retry_failed and status not in ("ok", "unsupported"))
 
 
 def _beside(cases: Mapping[str, Case]) -> list[Case]:

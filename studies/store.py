@@ -15,22 +15,21 @@ import numpy as np
 
 from studies.case import Curves, Row
 from studies.failures import BadInput
+from studies.workers import KILLED
 
 #: The file of a results folder, and beside it the one that a run locks.
 FILE, LOCK = "results.sqlite", "results.lock"
-SCHEMA = """
+#: The form of the tables, which a file of another one does not have.
+FORM = 1
+SCHEMA = f"""
 begin immediate;
 create table if not exists row (
     key text primary key, study text not null, engine text not null, code text not null, status text not null,
     content text not null, curves blob);
 create table if not exists study (name text primary key, facts text not null);
-pragma user_version = 1;
+pragma user_version = {FORM};
 commit;
 """
-#: The form of the tables, which a file of another one does not have.
-FORM = 1
-#: How a case ended of which nothing is known.
-NO_RESULT = "killed from outside"
 
 
 class Store:
@@ -96,10 +95,6 @@ class Store:
         with self._reading():
             self._db.execute("insert or replace into study values (?, ?)", (study, json.dumps(facts)))
 
-    def studies(self) -> list[str]:
-        """Return the names of the studies that have rows."""
-        return [name for (name,) in self._rows("select distinct study from row order by study")]
-
     def results(self, study: str) -> tuple[list[Row], dict[str, Any]]:
         """Return a study's rows by the code of its last run, and where they come from.
 
@@ -114,7 +109,7 @@ class Store:
             for key, engine, code, content in found
             if codes.get(engine) == code
         ]
-        return [row for row in rows if row["status"] != NO_RESULT], facts
+        return [row for row in rows if row["status"] != KILLED], facts
 
     def curves(self, key: str) -> Curves:
         """Return the curves of a case; none where it has none."""

@@ -22,8 +22,8 @@ from studies import extremes
 from studies.case import Case, Row, code_of, ended, project_code, run_case
 from studies.failures import Failed
 from studies.runner import Call, lacks
-from studies.store import LOCK, NO_RESULT, Store
-from studies.workers import CRASHED, Ended
+from studies.store import LOCK, Store
+from studies.workers import CRASHED, KILLED, Ended
 from tests.helpers.mischief import NAME, steady
 from tests.helpers.running import HEAR, IGNORE, add_line, copied, gone, rows_in, run_in, started, until
 
@@ -152,7 +152,7 @@ def test_what_is_run_again_depends_on_how_it_ended() -> None:
         "ok": (False, False),
         "unsupported": (False, False),
         **dict.fromkeys(("failed", "timed out", "out of memory", "crashed"), (False, True)),
-        NO_RESULT: (True, True),
+        KILLED: (True, True),
     }
     assert {status: (lacks(status, False), lacks(status, True)) for status in expected} == expected
 
