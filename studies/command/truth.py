@@ -21,12 +21,12 @@ from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
-from studies import clearance
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions
 from studies.failures import BadInput, Failed
 from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, followed, solved, truth_by
 from studies.judges.metrics import COVERAGE
+from studies.settings import END_S
 
 #: Samples that are published, and digits: two more than the most accurate slider position has.
 SAMPLES, DIGITS = 120, "%.14g"
@@ -123,7 +123,7 @@ def write_truths(folder: Path, names: list[str]) -> None:
     rows = []
     for name in names:
         scene = SCENES[name]()
-        scene = scene.model_copy(update={"end_time_s": clearance.END_S.get(name, scene.end_time_s)})
+        scene = scene.model_copy(update={"end_time_s": END_S.get(name, scene.end_time_s)})
         run = true_run(scene, SimulateOptions(samples=SAMPLES))
         run.frame.to_csv(folder / f"{name}.csv.xz", float_format=DIGITS)
         if run.trajectory.contacts:

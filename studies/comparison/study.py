@@ -1,6 +1,6 @@
 """The runs of a comparison: every engine's best arms on one scene, recorded once, and timed in rounds.
 
-What is measured is what the studies of agreement, clearance and work-precision measure.
+What is measured is what the studies accuracy and cost measure.
 """
 
 from collections.abc import Collection
@@ -9,11 +9,10 @@ from random import Random
 from engine_models import arms
 from engine_models.engine import RunSettings
 from engine_models.scene.parts import AnyScene
-from studies import agreement, clearance
+from studies import accuracy, cost
 from studies.case import Case, Curves, Row, Value
 from studies.comparison.question import Question
-from studies.ladders import Rung, configurations, ladder
-from studies.work_precision import study as work_precision
+from studies.settings import Rung, configurations, ladder
 
 NAME = "comparison"
 #: No step is longer than the time between two samples, but impacts are told between them.
@@ -53,6 +52,4 @@ def _case(scene: AnyScene, question: Question, rung: Rung, samples: int, **timed
 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Return a recorded run's errors and what needs no truth, with curves; or the times of a bare one."""
-    if case.timed:
-        return work_precision.times(case, SAMPLES), {}
-    return clearance.measure(case) if case.scene.joints_with_clearance else agreement.measure(case)
+    return (cost.times(case, SAMPLES), {}) if case.timed else accuracy.measure(case)

@@ -19,7 +19,7 @@ from engine_models.mechanics.energy import kinetic_energy_J, potential_energy_J
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.parts import AnyScene
-from studies.clearance import END_S
+from studies.settings import END_S
 from studies.judges.converged_truth import (
     COLLOCATION,
     EXTRAPOLATION,
