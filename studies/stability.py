@@ -79,7 +79,7 @@ BOUND_COLUMNS: Row = {
 def cases(full: bool) -> list[Case]:
     """Return the cells of the map, a scene's after one another."""
     out = []
-    steel = stiffness_of(clearance(CLEARANCE_M, "hertz", None))
+    steel = stiffness_of(clearance(CLEARANCE_M))
     for factor in sorted(STIFFNESS_FACTORS + (MORE_FACTORS if full else ())):
         scene = _scene(factor, factor * steel)
         energy, frequency = first_impact(scene)

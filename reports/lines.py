@@ -1,33 +1,32 @@
-"""Panels of lines: errors against a step, a tolerance or a cost, and curves over time; one legend for all."""
+"""Panels of lines with one legend, their points as data, and a drawing as SVG."""
 
+import io
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import chain
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
-from matplotlib.transforms import ScaledTranslation
 
-from reports.plots.series import mark
-from reports.quantities import floor, knobs, tolerances, value
-from reports.results import FloatArray
-from reports.style import ENGINES, GREY, WIDTH_IN, axis_label, line_styles
-from reports.tables import setting
+from reports.look import ENGINES, GREY, RC, WIDTH_IN, axis_label, line_styles, set_plainly, setting
+from reports.results import FloatArray, floor, knobs, tolerances, value
 
-#: A panel has no more lines than these; the other configurations are in the figure's tables.
+#: A panel has no more lines than these; the other configurations are in the tables.
 MOST_LINES = 6
-#: Height of a row of crossed-out markers, of an entry of the legend, and how many of these fit.
-ROW_POINTS, ENTRY_IN, FITTING = 9, 0.17, 4
-#: Columns of a legend that fit beside each other; more engines share one.
-MOST_COLUMNS = 5
+#: Height of an entry of the legend, how many of these fit, and the columns that fit beside each other.
+ENTRY_IN, FITTING, MOST_COLUMNS = 0.17, 4, 5
 #: The slopes of the guides in a panel of errors against the step.
 ORDERS = (1, 2, 4)
+_COORDINATES = re.compile(r' (d|x|y|transform|points)="([^"]*)"')
+_DIGITS = re.compile(r"(-?\d+\.\d\d)\d+")
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,6 @@ class Panel:
 
     ``log`` names the logarithmic axes. Below ``floor``, the reference's uncertainty, the panel is grey.
     ``orders`` are slopes of guides, ``level`` is a dashed line across, ``rings`` are points to be ringed.
-    ``failed`` has the places along x of runs that did not finish, by label.
     """
 
     title: str
@@ -60,30 +58,37 @@ class Panel:
     orders: Sequence[int] = ()
     level: float | None = None
     rings: Sequence[tuple[float, float]] = ()
-    failed: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+
+def points(panels: Iterable[Panel]) -> pd.DataFrame:
+    """Return every point of every line with its panel, series, axes and note."""
+    columns = ("panel", "series", "x is", "y is", "x", "y", "setting")
+    rows = [
+        (panel.title, line.label, panel.x, panel.y, float(x), float(y), *(line.notes[k : k + 1] or [""]))
+        for panel in panels
+        for line in panel.lines
+        for k, (x, y) in enumerate(zip(line.x, line.y, strict=True))
+    ]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def draw(panels: Sequence[Panel], height_in: float = 2.7, across: int | None = None) -> Drawing:
     """Return the figure of some panels, up to three in a row, with a legend of all series below."""
-    drawing, axes = grid(len(panels), height_in, across)
-    rise = ROW_POINTS * max(len(panel.failed) for panel in panels)
-    styles: dict[str, Mapping[str, Any]] = {}
-    for ax, panel in zip(axes, panels, strict=True):
-        ax.set(xlabel=panel.x, ylabel=panel.y)
-        for axis in panel.log:
-            ax.set(**{f"{axis}scale": "log"})
-        if "x" in panel.log:
-            ax.xaxis.set_major_locator(LogLocator(numticks=6))
-        for line in panel.lines:
-            styles.setdefault(line.label, line.style)
-            _draw_line(ax, line)
-        _finish(ax, panel)
-        ax.set_title(panel.title, pad=6 + rise)
-        for row, (label, places) in enumerate(panel.failed.items()):
-            _mark_failures(ax, places, row, styles.setdefault(label, {}), label)
-    _label_once(axes)
-    if styles:
-        draw_legend(drawing, styles, any(panel.failed for panel in panels))
+    with mpl.rc_context(RC):
+        drawing, axes = grid(len(panels), height_in, across)
+        styles: dict[str, Mapping[str, Any]] = {}
+        for ax, panel in zip(axes, panels, strict=True):
+            ax.set(title=panel.title, xlabel=panel.x, ylabel=panel.y)
+            for axis in panel.log:
+                ax.set(**{f"{axis}scale": "log"})
+            if "x" in panel.log:
+                ax.xaxis.set_major_locator(LogLocator(numticks=6))
+            for line in panel.lines:
+                styles.setdefault(line.label, line.style)
+                ax.errorbar(line.x, line.y, xerr=line.spread, elinewidth=0.7, **line.style)
+            _finish(ax, panel)
+        _label_once(axes)
+        draw_legend(drawing, styles)
     return drawing
 
 
@@ -108,16 +113,13 @@ def grid(count: int, height_in: float = 2.7, across: int | None = None) -> tuple
     return drawing, [drawing.add_subplot(down, across, place + 1) for place in range(count)]
 
 
-def draw_legend(drawing: Drawing, styles: Mapping[str, Mapping[str, Any]], failures: bool = False) -> None:
+def draw_legend(drawing: Drawing, styles: Mapping[str, Mapping[str, Any]]) -> None:
     """Put a legend below a figure, a column an engine: its lines are those of one colour."""
     columns: dict[Any, list[Line2D]] = {}
     for label, style in styles.items():
         columns.setdefault(style.get("color"), []).append(Line2D([], [], label=label, **style))
     place = {colour: k for k, (colour, _) in enumerate(ENGINES.values())}
     lists = [columns[colour] for colour in sorted(columns, key=lambda of: place.get(of, len(place)))]
-    if failures:
-        cross = Line2D([], [], linestyle="", marker="x", markersize=7, color=GREY, label="not finished")
-        min(reversed(lists), key=len).append(cross)
     while len(lists) > MOST_COLUMNS:
         k = min(range(len(lists) - 1), key=lambda k: len(lists[k]) + len(lists[k + 1]))
         lists[k : k + 2] = [lists[k] + lists[k + 1]]
@@ -139,48 +141,26 @@ def shown_labels(rows: pd.DataFrame) -> list[str]:
     return sorted(first, key=list(labels["label"]).index)
 
 
-def by_signal(
-    rows: pd.DataFrame, columns: Iterable[str], panels_of: Callable[[pd.DataFrame, str], Sequence[Panel]]
-) -> Drawing | None:
-    """Return the figure of the panels of some columns; of few scenes each column has a row of its own."""
-    panels = [each for column in columns if (each := panels_of(rows, column))]
-    across = max(map(len, panels), default=0)
-    return draw([*chain(*panels)], across=across if across <= 3 else None) if panels else None
-
-
 def against(
-    rows: pd.DataFrame,
-    column: str,
-    at: str = "mean_step_s",
-    asked: str = "step_s",
-    orders: Sequence[int] = ORDERS,
+    rows: pd.DataFrame, column: str, at: str = "mean_step_s", orders: Sequence[int] = ORDERS
 ) -> list[Panel]:
-    """Return a panel for each scene of a column against the step, or against another column ``at``.
+    """Return a panel for each scene of a column against the mean step, or against another column ``at``.
 
-    A run that did not finish has only the step that was ``asked`` for. Scenes without the column have none.
+    Scenes without the column have none.
     """
-    labels = shown_labels(rows[value(rows, column).notna()]) if len(rows) else []
-    rows, panels = rows[rows["label"].isin(labels)], []
-    styles = line_styles(rows)
+    rows = rows.assign(error=value(rows, column)).query("error > 0")
+    rows = rows[rows["label"].isin(shown_labels(rows))]
+    styles, panels = line_styles(rows), []
     for scene, of_scene in rows.groupby("scene"):
-        points = of_scene.assign(error=value(of_scene, column)).query("error > 0").sort_values([at, "error"])
-        if points.empty:
-            continue
-        failed = of_scene[~of_scene["status"].isin(["ok", "unsupported"])]
         lines = [
             Line(str(label), line[at], line["error"], styles[label], settings_in_words(line))
-            for label, line in points.groupby("label", observed=True)
+            for label, line in of_scene.sort_values([at, "error"]).groupby("label", observed=True)
         ]
-        crosses = {str(label): list(of[asked]) for label, of in failed.groupby("label", observed=True)}
         known = floor(of_scene, column)
-        x, y = axis_label(asked), axis_label(column)
-        panels.append(Panel(str(scene), x, y, lines, floor=known, orders=orders, failed=crosses))
+        panels.append(
+            Panel(str(scene), axis_label(at), axis_label(column), lines, floor=known, orders=orders)
+        )
     return panels
-
-
-def against_tolerance(rows: pd.DataFrame, column: str) -> list[Panel]:
-    """Return the same over the tolerance asked for, with a guide of errors in proportion to it."""
-    return against(rows.assign(tolerance=tolerances(rows)), column, "tolerance", "tolerance", (1,))
 
 
 def settings_in_words(rows: pd.DataFrame) -> list[str]:
@@ -194,25 +174,6 @@ def settings_in_words(rows: pd.DataFrame) -> list[str]:
 def so_far(curve: FloatArray) -> FloatArray:
     """Return the largest size of a curve up to each time: falls back at no zero crossing."""
     return np.asarray(np.maximum.accumulate(np.abs(curve)))
-
-
-def _draw_line(ax: Axes, line: Line) -> None:
-    if line.spread is None:
-        mark(ax.plot(line.x, line.y, **line.style), line.label, line.notes)
-    else:
-        drawn = ax.errorbar(line.x, line.y, xerr=line.spread, elinewidth=0.7, **line.style)
-        mark(drawn.get_children(), line.label, line.notes)
-
-
-def _mark_failures(ax: Axes, at: Iterable[float], row: int, style: Mapping[str, Any], label: str) -> None:
-    """Put crossed-out markers above a panel where a configuration's runs failed, in the row of its line."""
-    drawing, at = ax.get_figure(root=True), list(at)
-    assert drawing is not None, "the panel is on a figure"
-    up = ScaledTranslation(0.0, (0.6 + row) * ROW_POINTS / 72, drawing.dpi_scale_trans)
-    place = {"transform": ax.get_xaxis_transform() + up, "clip_on": False, "linestyle": ""}
-    cross = {**place, "marker": "x", "markersize": 7, "color": style.get("color", GREY)}
-    for how in ({**style, **place}, cross):
-        mark(ax.plot(at, [1.0] * len(at), **how), label, ["not finished"] * len(at))
 
 
 def _finish(ax: Axes, panel: Panel) -> None:
@@ -245,3 +206,29 @@ def _guide(ax: Axes, order: int, h: FloatArray, low: float, high: float) -> None
     offset: dict[str, Any] = {"textcoords": "offset points", "xytext": (-1, 1), "ha": "right", "va": "bottom"}
     place = (fine, top * (fine / h.max()) ** order)
     ax.annotate(str(order), place, **offset, fontsize=7, color="#595959")
+
+
+def as_svg(drawing: Drawing) -> str:
+    """Return a drawing as SVG without a date, to a hundredth of a point; text stays text."""
+    set_plainly(drawing)
+    with mpl.rc_context({**RC, "svg.fonttype": "none"}):
+        _lay_out(drawing)
+        # `Figure.savefig` draws all once more before, for a layout that is there.
+        canvas: Any = FigureCanvasSVG(drawing)
+        written = io.StringIO()
+        canvas.print_svg(written, metadata={"Date": None})
+    return _COORDINATES.sub(lambda found: _DIGITS.sub(r"\1", found[0]), written.getvalue())
+
+
+def _lay_out(drawing: Drawing) -> None:
+    """Place the panels of a drawing once, and give a long title smaller letters."""
+    if engine := drawing.get_layout_engine():
+        engine.execute(drawing)
+    drawing.set_layout_engine("none")
+    wide = drawing.bbox.width
+    for ax in drawing.axes:
+        spec, title, box = ax.get_subplotspec(), ax.title, ax.title.get_window_extent()
+        across, middle = spec.get_gridspec().ncols if spec else 1, (box.x0 + box.x1) / 2
+        room = 0.98 * min(wide / across, 2 * middle, 2 * (wide - middle))
+        if box.width > room:
+            title.set_fontsize(title.get_fontsize() * room / box.width)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Arc, Circle, Polygon, Rectangle
 
-from reports.style import BLUE, GREY, VERMILLION, WIDTH_IN
+from reports.look import BLUE, GREY, VERMILLION, WIDTH_IN
 
 #: A scene as its row has it: the sections and fields of its file.
 Scene = Mapping[str, Any]
