@@ -102,8 +102,8 @@ def first_impact(results: Results) -> Figure | None:
     title = "How well do the engines agree on one impact?"
     scene = rows["scene"].iloc[0].removesuffix("-first-impact")
     caption = (
-        f"The first impact on {scene}: the curves lie on each other, the errors on the right do not. The area "
-        "of the loop is the energy lost."
+        f"The first impact on {scene}: the curves lie on each other, the errors on the right do not. The "
+        "area of the loop is the energy lost."
     )
     return Figure("clearance-impact", title, caption, "accuracy", draw(panels), points(panels))
 

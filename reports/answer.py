@@ -42,7 +42,7 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
         f"run time of the one to use. Times are without start-up and compiling. {ALONE}"
     )
     yield Table("answer", "Recommended solver and setting", caption, "cost", pd.DataFrame(lines))
-    yield from comparison(rows)
+    yield from comparison(rows, studies["energy"].rows if "energy" in studies else None)
     yield _figure(rows)
     yield from _limits(studies)
 

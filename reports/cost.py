@@ -136,7 +136,7 @@ def _by_scene(by_class: dict[tuple[str, str], ByScene]) -> Table:
         for scene, (ran, _) in of_class.items():
             base = next(iter(reaching(ran[ran["label"] == BASE], TARGETS[column])), None)
             for each in reaching(ran, TARGETS[column]):
-                line = {"needed": _needed(column), "joints": joints, "scene": scene}
+                line: dict[str, Any] = {"needed": _needed(column), "joints": joints, "scene": scene}
                 line |= {"configuration": each.label, "setting": each.setting}
                 line |= {
                     "run time [ms]": 1e3 * each.time_s,

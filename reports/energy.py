@@ -50,7 +50,7 @@ INTRODUCTION = (
 
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows with all columns, what resolves a run, and whether its scene has contacts."""
-    rows = with_columns(rows, *OPTIONAL, *EXPONENTS, *POWERS, "constraint_violation_m")
+    rows = with_columns(rows, *OPTIONAL, *EXPONENTS, *POWERS, "constraint_violation_m", "compliant_contact")
     loose = rows["dissipated_power_W"].notna().groupby(rows["scene"]).transform("any")
     at = tolerances(rows)
     return rows.assign(knob=knobs(rows), value=at.fillna(rows["step_s"]), contact=loose)
@@ -144,9 +144,9 @@ def _balance(results: Results, rows: pd.DataFrame) -> Figure | None:
     scene = rows["scene"][rows[UNACCOUNTED].idxmax()]
     shown = rows[rows["scene"] == scene].sort_values(UNACCOUNTED).iloc[[0, -1]]
     caption = (
-        f"On {scene}, the run with the smallest error and that with the largest. Losses are stacked; the line "
-        "is the work of driver and loads that is not stored. A line above the stack is energy that the method "
-        "loses, one below it is energy that it gains."
+        f"On {scene}, the run with the smallest error and that with the largest. Losses are stacked; the "
+        "line is the work of driver and loads that is not stored. A line above the stack is energy that the "
+        "method loses, one below it is energy that it gains."
     )
     return Figure(
         "energy-balance", "Where does the driver's work go?", caption, "energy", _draw(results, shown)
@@ -172,7 +172,7 @@ def _draw(results: Results, rows: pd.DataFrame) -> Drawing:
                 face, hatch = next(
                     (look for kind, look in LOSSES.items() if kind in name), ("#D0D0D0", "\\\\")
                 )
-                look = {"facecolor": face, "hatch": hatch, "edgecolor": "#5A5A5A", "linewidth": 0.3}
+                look: Any = {"facecolor": face, "hatch": hatch, "edgecolor": "#5A5A5A", "linewidth": 0.3}
                 ax.fill_between(time, base, base + curve, **look)
                 words = name.removesuffix("_J").replace("_", " ")
                 handles[words] = Patch(facecolor=face, hatch=hatch, edgecolor=GREY, label=words)

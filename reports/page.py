@@ -161,6 +161,16 @@ class Report:
     made: tuple[Made, ...]
     notes: tuple[str, ...]
 
+    @property
+    def answer(self) -> Iterator[str]:
+        """The first table in lines, and the claims of its chapter."""
+        if not self.made:
+            return
+        for table in self.made[0].tables[:1]:
+            for row in table.cells().to_dict("records"):
+                yield "; ".join(f"{name}: {cell}" for name, cell in row.items() if cell != ABSENT)
+        yield from map(str, self.made[0].claims)
+
 
 def write_report(results: Path, folder: Path, chapters: Sequence[Chapter] | None = None) -> Report:
     """Make the report of the studies in ``results`` in a folder that is new or empty.

@@ -92,8 +92,8 @@ def _horizon(rows: pd.DataFrame) -> Claim | None:
     }
     first, last = next(iter(turns)), next(reversed(turns))
     text = (
-        f"A {change} grows to {TOLERANCES[LOST][0]} in {{first}} revolutions on {first}, in the median of the "
-        f"changes, and in {{last}} on {last}, the longest; beyond that compare statistics only."
+        f"A {change} grows to {TOLERANCES[LOST][0]} in {{first}} revolutions on {first}, in the median of "
+        f"the changes, and in {{last}} on {last}, the longest; beyond that compare statistics only."
     )
     return Claim("horizon", text, {**moved, "first": numbers[first], "last": numbers[last]})
 
@@ -171,8 +171,8 @@ def _first_means(members: pd.DataFrame) -> Iterator[Claim]:
     for scene, of in members.groupby("scene"):
         first = of[of["part"] == of["part"].iloc[0]]
         text = (
-            f"Over {{members}} starts on {scene}, {first['part'].iloc[0]} has {{hits}} impacts per revolution "
-            "at {speed}, in the mean."
+            f"Over {{members}} starts on {scene}, {first['part'].iloc[0]} has {{hits}} impacts per "
+            "revolution at {speed}, in the mean."
         )
         hits, speed = (mean_of(first[name]) for name in ("impacts_per_revolution", "impact_speed_m_s"))
         numbers: dict[str, tuple[Any, ...]] = {"members": (len(first), "")}

@@ -56,7 +56,7 @@ BOUNDED = {
 }
 INTRODUCTION = (
     "The map shows where a step is too long for a contact without loss, beside the limit of linear theory. "
-    "Each cell is a run of a crank-slider through its first impacts, with a verdict from its trajectory alone."
+    "Each cell is a run of a crank-slider through its first impacts, with a verdict from its trajectory."
 )
 
 

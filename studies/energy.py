@@ -74,21 +74,35 @@ LONG = (
 #: Methods that choose their steps have a tolerance on each rung in place of the step.
 TOLERANCES, CLEARANCE_TOLERANCES = (1e-6, 1e-8, 1e-10), (1e-5, 1e-7, 1e-9)
 RIGID_ARMS = (
-    arms.DOPRI5,  # of an engine without rigid contact one arm tells that it has none
-    arms.PROJECTION,
+    arms.DOPRI5,  # of an engine without rigid contact one configuration tells that it has none
+    arms.LOCATED,
     arms.REFERENCE_DOP853,
-    arms.TUNED,
+    arms.NATIVE_CONTACT,
     arms.OUT_OF_THE_BOX,
 )
-#: With clearance Baumgarte is left out: it is the same between events, and every arm costs a kernel.
+#: With clearance Baumgarte is left out: it is the same between events, and needs a kernel of its own.
 CLEARANCE_ARMS = (
-    *RIGID_ARMS,
+    arms.DOPRI5,
+    arms.LOCATED,
+    arms.LOCATED_ALONE,
+    arms.REFERENCE_DOP853,
+    arms.SHORTER_IN_CONTACT,
+    arms.OUT_OF_THE_BOX,
     arms.SCIPY_DOP853,
-    arms.NO_STABILISATION,
     arms.TRAPEZOIDAL,
     arms.GENERALIZED_ALPHA,
 )
-IDEAL_ARMS = (*(arm for arm in CLEARANCE_ARMS if arm is not arms.DOPRI5), arms.BAUMGARTE)
+IDEAL_ARMS = (
+    arms.PROJECTION,
+    arms.NO_STABILISATION,
+    arms.BAUMGARTE,
+    arms.REFERENCE_DOP853,
+    arms.TUNED,
+    arms.OUT_OF_THE_BOX,
+    arms.ODE,
+    arms.TRAPEZOIDAL,
+    arms.GENERALIZED_ALPHA,
+)
 #: Samples of a curve that are kept.
 KEPT = 240
 #: Round-off of a constraint in places of the largest coordinate or speed, below which no growth is told: so
@@ -105,7 +119,7 @@ def cases(full: bool) -> list[Case]:
 
 def _is_quick(case: Case) -> bool:
     loose = bool(case.scene.joints_with_clearance)
-    left_out = (arms.OUT_OF_THE_BOX, arms.BAUMGARTE, *((arms.NO_STABILISATION,) if loose else ()))
+    left_out = (arms.OUT_OF_THE_BOX, arms.BAUMGARTE, arms.LOCATED_ALONE)
     settings = 1 if loose and case.engine == "scipy" else QUICK_SETTINGS
     return case.arm not in left_out and int(str(case.columns["rung"])) < settings
 
@@ -147,6 +161,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     curves |= {"numerical_gain_so_far_J": so_far(gain), "time_s": run.time_s}
     if run.contacts:  # without, none of them says where energy goes
         curves |= lines
+        row["compliant_contact"] = any(room.law != "rigid" for room in scene.clearances.values())
     return {**row, **drift}, {name: thinned(curve, KEPT) for name, curve in curves.items()}
 
 

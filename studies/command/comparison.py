@@ -68,10 +68,9 @@ class Comparison:
         from rich.table import Table
 
         content = standings_table(self.standings)
-        table = Table(
-            *map(escape, content.head), title=content.title, caption=content.reading, box=box.SIMPLE
-        )
-        for row in content.rows:
+        cells = content.cells()
+        table = Table(*map(escape, cells), title=content.title, caption=content.caption, box=box.SIMPLE)
+        for row in cells.itertuples(index=False):
             table.add_row(*map(escape, row))
         return table
 
