@@ -30,7 +30,7 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
             "mechanism", "What is the mechanism, and what do the symbols mean?", caption, "accuracy", drawing
         )
     rows = pd.concat([results.rows.astype({"label": str}) for results in studies.values()], ignore_index=True)
-    rows = with_columns(rows, *RUN).assign(quality=quality_failures(rows))
+    rows = with_columns(rows, *RUN).copy().assign(quality=quality_failures(rows))
     failed, failing = rows[rows["status"] != "ok"], rows[rows["quality"] != ""]
     text = "{finished} of {asked} runs finished; {failing} of those fail the check of energy and gaps."
     numbers = {"finished": len(rows) - len(failed), "asked": len(rows), "failing": len(failing)}

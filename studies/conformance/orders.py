@@ -6,7 +6,7 @@ from engine_models.engine import Engine, RunSettings, UnsupportedScene
 from engine_models.mechanics.states import observed_m
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from reports.analysis.convergence import observed_order
+from studies.judges.convergence import observed_order
 from studies.conformance.claims import SAMPLES, Finding
 from studies.judges.converged_truth import converged
 

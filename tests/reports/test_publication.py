@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 from matplotlib.figure import Figure as Drawing
-
 from reports.chapters import answer
-from reports.page import Report, read_claims
 from reports.page.contents import CHAPTERS
 from reports.parts import Chapter, Figure, Finding, Table
+from reports.tables import comma_separated
+
+from reports.page import Report, read_claims
 from reports.publication import FIGURES, README, answer_of, certain, costs_of, tell, write_study
 from reports.results import Results, published_rows, read_study
-from reports.tables import comma_separated
 from studies.registry import STUDIES
 from studies.store import Store
 from tests.helpers.row_files import write_rows

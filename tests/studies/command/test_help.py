@@ -10,8 +10,7 @@ from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.plain_words import fields
 from reports import page
-from reports.page.build import Report
-from reports.parts import Finding
+from reports.page import Chapter, Claim, Made, Report
 from studies import failures, runner
 from studies.command.main import app
 from studies.registry import STUDIES
@@ -115,7 +114,8 @@ def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_pa
 
     def write_report(*arguments: object) -> Report:
         calls.append(arguments)
-        return Report((Finding("answer", "The answer."),), ("a note",), ())
+        chapter = Chapter("answer", "", (), "", lambda _: iter(()))
+        return Report((Made(chapter, (Claim("answer", "The answer."),), (), ()),), ("a note",))
 
     monkeypatch.setattr(page, "write_report", write_report)
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""The clearance and work-precision studies: what their rows say of runs whose errors are known."""
+"""The study of accuracy: what their rows say of runs whose errors are known."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from engine_models.engine import RunSettings
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.library import CLEARANCE_SCENES
 from engine_models.scene.scene import Clearances, Scene
-from studies import clearance
+from studies import accuracy, cost, settings
 from studies.case import Case, run_case
 from studies.judges.converged_truth import (
     INDEPENDENT,
@@ -20,8 +20,6 @@ from studies.judges.converged_truth import (
     reach,
     truth_by,
 )
-from studies.ladders import ladder
-from studies.work_precision import study as work_precision
 
 #: The first two impacts of set R and some flight.
 END_S, SAMPLES = 0.0007, 28
@@ -32,8 +30,8 @@ def scene() -> Scene:
     return CLEARANCE_SCENES["clearance-driven-0.5mm"]().model_copy(update={"end_time_s": END_S})
 
 
-def case(scene: Scene, engine: str, step_s: float, **settings: float | str | bool) -> Case:
-    return Case("clearance", scene, Arm(engine, "arm", settings), RunSettings(step_s, SAMPLES))
+def case(scene: Scene, engine: str, step_s: float, **given: float | str | bool) -> Case:
+    return Case("accuracy", scene, Arm(engine, "arm", given), RunSettings(step_s, SAMPLES))
 
 
 def test_the_truth_is_independent_and_confirmed_by_another_method_and_by_the_reference(scene: Scene) -> None:
@@ -84,25 +82,34 @@ def test_an_engine_with_a_law_of_its_own_is_judged_by_that_law(scene: Scene) -> 
     assert error < form / 4, f"numerical {error:.1e} m, model form {form:.1e} m"
 
 
-def test_a_timed_rung_takes_the_steps_of_the_recorded_one(scene: Scene) -> None:
-    cases = work_precision.cases(False)
-    recorded = {
-        (c.scene.name, c.engine, c.arm, c.run.step_used_s(c.scene.end_time_s)) for c in cases if not c.timed
-    }
-    timed = {(c.scene.name, c.engine, c.arm, c.run.step_used_s(c.scene.end_time_s)) for c in cases if c.timed}
+def test_a_timed_run_takes_the_steps_and_settings_of_a_recorded_one() -> None:
+    recorded, timed = (
+        {(c.scene.name, c.engine, c.arm, c.run.step_used_s(c.scene.end_time_s), str(c.added)) for c in cases}
+        for cases in (
+            [case for case in accuracy.cases(False) if "view" not in case.columns],
+            cost.cases(False),
+        )
+    )
     assert timed == recorded
-    first = next(c for c in cases if c.timed and c.engine == "reference")
-    row, _ = run_case(replace(first, scene=scene))
-    assert row["solve_time_s"] > 0  # type: ignore[operator]
 
 
 def test_settings_are_of_every_engine_and_on_rigid_scenes_only_of_those_that_know_rigid_walls() -> None:
     engines = {"reference", "exudyn", "pymunk", "scipy"}
-    for scene in (CLEARANCE_SCENES["clearance-pendulum"](), work_precision.scenes(False)[0]):
-        quick, every = ({str(each) for each in ladder(scene, full)} for full in (False, True))
+    for scene in (CLEARANCE_SCENES["clearance-pendulum"](), settings.scenes(False)[0]):
+        quick, every = ({str(each) for each in settings.ladder(scene, full)} for full in (False, True))
         assert quick < every
-        assert {setting.arm.engine for setting in ladder(scene, full=False)} == engines
-    rigid = clearance.scenes(True)[-1]
-    assert {setting.arm.engine for setting in ladder(rigid, full=True)} == engines - {"exudyn"}
-    followed = [case for case in clearance.cases(True) if case.scene.name == rigid.name]
-    assert {case.engine for case in followed} == {"reference", "pymunk"}
+        assert {setting.arm.engine for setting in settings.ladder(scene, full=False)} == engines
+    rigid = settings.scenes(True)[-1]
+    assert {setting.arm.engine for setting in settings.ladder(rigid, full=True)} == engines - {"exudyn"}
+
+
+def test_the_impact_touches_when_and_presses_as_hard_as_the_converged_one() -> None:
+    """The first touch of set R in s and its peak in N, by an independent solver to the digits given."""
+    shown = next(c for c in accuracy.cases(False) if "view" in c.columns and c.engine == "scipy")
+    _, curves = run_case(shown)
+    time_s, depth = curves["time_s"], curves["contact_B_penetration_m"]
+    after = int(np.argmax(depth >= 0))
+    assert time_s[after - 1] < 0.000227285 * (1 + 1e-6)
+    assert time_s[after] > 0.000227285 * (1 - 1e-6)
+    for peak in (curves["contact_B_normal_force_N"].max(), curves["true_contact_B_normal_force_N"].max()):
+        assert peak == pytest.approx(45870.0, rel=1e-3)

@@ -1,4 +1,4 @@
-"""Work-precision's rounds: each times every rung, in an order of its own that comes out again."""
+"""The cost study's rounds: each times every rung, in an order of its own that comes out again."""
 
 from dataclasses import replace
 from itertools import count
@@ -10,22 +10,23 @@ import pytest
 from engine_models import arms
 from engine_models.engine import BareRun
 from engine_models.engines import make_engine
+from studies import cost
+from studies.accuracy import case_of
 from studies.case import Row, run_case
-from studies.ladders import ladder
-from studies.work_precision import study as work_precision
+from studies.settings import ladder, scenes
 
 
 def test_every_round_times_the_same_rungs_in_an_order_of_its_own() -> None:
     rounds: dict[object, list[str]] = {}
-    for case in work_precision.cases(full=False):
+    for case in cost.cases(full=False):
         if "round" in case.columns:
             columns = {name: value for name, value in case.head().items() if name != "round"}
             rounds.setdefault(case.columns["round"], []).append(str(columns))
-    assert len(rounds) == work_precision.ROUNDS
+    assert len(rounds) == cost.ROUNDS
     first, *others = rounds.values()
     assert all(set(order) == set(first) for order in others)
     assert len({tuple(order) for order in rounds.values()}) == len(rounds)
-    one, again = ([case.key for case in work_precision.cases(full=False)] for _ in range(2))
+    one, again = ([case.key for case in cost.cases(full=False)] for _ in range(2))
     assert one == again, "which comes out again"
 
 
@@ -48,11 +49,11 @@ class Timed:
 def rounds_of(monkeypatch: pytest.MonkeyPatch, repeats: int, rounds: int, *times_s: float) -> list[Row]:
     """Return the rows of rounds of so many repeats each of a setting whose bare runs take these times."""
     engine = Timed(*times_s)
-    monkeypatch.setattr(work_precision, "make_engine", lambda *_, **__: engine)
-    monkeypatch.setattr(work_precision, "REPEAT_S", 1e9)
-    monkeypatch.setattr(work_precision, "REPEATS", repeats)
-    timed = next(case for case in work_precision.cases(full=False) if "round" in case.columns)
-    return [work_precision.measure(timed)[0] for _ in range(rounds)]
+    monkeypatch.setattr(cost, "make_engine", lambda *_, **__: engine)
+    monkeypatch.setattr(cost, "REPEAT_S", 1e9)
+    monkeypatch.setattr(cost, "REPEATS", repeats)
+    timed = next(case for case in cost.cases(full=False) if "round" in case.columns)
+    return [cost.measure(timed)[0] for _ in range(rounds)]
 
 
 def test_a_round_is_timed_by_its_least_repeat_and_again_if_it_is_slower_than_one_before(
@@ -97,10 +98,10 @@ def test_a_timed_run_that_ends_elsewhere_has_failed_and_says_when(
             return BareRun(1.0, end)
 
     engine = Drifting()
-    monkeypatch.setattr(work_precision, "make_engine", lambda *_, **__: engine)
-    monkeypatch.setattr(work_precision, "REPEATS", 3)
-    monkeypatch.setattr(work_precision, "REPEAT_S", 1e9)
-    timed = next(c for c in work_precision.cases(False) if c.timed and c.scene.name == scene)
+    monkeypatch.setattr(cost, "make_engine", lambda *_, **__: engine)
+    monkeypatch.setattr(cost, "REPEATS", 3)
+    monkeypatch.setattr(cost, "REPEAT_S", 1e9)
+    timed = next(c for c in cost.cases(False) if c.timed and c.scene.name == scene)
     row, _ = run_case(timed)
     if holds:
         assert (row["status"], row["repeats"]) == ("ok", 3)
@@ -117,10 +118,10 @@ def test_a_timed_run_of_exudyn_that_overflows_has_failed(safety: float) -> None:
 
     Exudyn reports success, with coordinates that are not finite.
     """
-    scene = next(scene for scene in work_precision.scenes(False) if scene.name == "clearance-free-0.5mm")
+    scene = next(scene for scene in scenes(False) if scene.name == "clearance-free-0.5mm")
     added = {"step_tolerance": 1e-7, "step_safety": safety}
     rung = next(r for r in ladder(scene, False) if r.arm is arms.DOPRI5)
-    case = work_precision.case_of("work-precision", scene, replace(rung, added=added), 1, timed=True)
+    case = case_of("cost", scene, replace(rung, added=added), 1, timed=True)
     bare = make_engine("exudyn", **case.settings).bare_run(scene, case.run)
     row, _ = run_case(case)
     assert np.isfinite(bare.position).all() == (row["status"] == "ok") == (safety == 0.8)
