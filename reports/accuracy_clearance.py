@@ -51,7 +51,8 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     rows[IMPULSE] = 100 * rows["impact_impulse_relative_error"]
     motion = motion_error(rows)
     yield _impacts_found(finest(rows))
-    best = rows[rows["label"].isin(nearest(rows, motion)["label"])]
+    best = rows[rows["joints"] == LOOSE]
+    best = best[best["label"].isin(nearest(best, motion)["label"])]
     by_signal = [against(best, column) for column in (motion, PEAK, IMPULSE)]
     panels = [*chain(*by_signal)]
     caption = (
@@ -59,8 +60,9 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
         "areas are the uncertainty of the reference solution."
     )
     title = "How do the errors fall with the step?"
-    drawing = draw(panels, 2.4, min(3, max(map(len, by_signal))))
-    yield Figure("clearance-steps", title, caption, "accuracy", drawing, points(panels))
+    if panels:
+        drawing = draw(panels, 2.2, min(3, max(map(len, by_signal))))
+        yield Figure("clearance-steps", title, caption, "accuracy", drawing, points(panels))
     yield impacts_by_configuration(finest(rows))
     yield _models(rows, motion)
     yield smallest_errors(rows, motion)
@@ -136,16 +138,17 @@ def impacts_by_configuration(runs: pd.DataFrame) -> Table:
         "Each configuration's finest run against the reference solution; unmatched are impacts that it does "
         "not have. A missed impact counts as 100 % in the peak force; rigid contact has no peak force."
     )
-    formats = dict.fromkeys(("impacts found", "missed", "unmatched"), "{:.0f}".format)
-    formats |= {headings[TIME]: number}
+    whole: dict[str, Any] = dict.fromkeys(("impacts found", "missed", "unmatched"), "{:.0f}".format)
+    formats = whole | {headings[TIME]: number}
     return Table("clearance-impacts", title, caption, "accuracy", table, formats)
 
 
 def _models(rows: pd.DataFrame, motion: str) -> Table | None:
     """Return model form beside numerical error of each engine that solves another law; None if none does."""
     rows = rows.assign(form=value(rows, motion.replace("_error_", "_model_difference_")))
-    furthest = rows[rows["form"] > 0].sort_values("form").drop_duplicates("engine", keep="last")
-    best = nearest(rows[rows["form"] > 0], motion).set_index("engine")
+    rows = rows[rows["form"] > uncertainty(rows, motion)]
+    furthest = rows.sort_values("form").drop_duplicates("engine", keep="last")
+    best = nearest(rows, motion).set_index("engine")
     unit = words(motion)[1]
     table = pd.DataFrame(
         {

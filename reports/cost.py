@@ -21,7 +21,7 @@ from reports.equal_error import (
 from reports.lines import Line, Panel, draw, points
 from reports.look import ABSENT, axis_label, in_legend_order, legend_place, quantity, setting, variant, words
 from reports.page import MOST, Chapter, Claim, Figure, Table
-from reports.results import CLASSES, FORCE, PEAK, SLIDER, Studies, accuracy, finished
+from reports.results import CLASSES, FORCE, PEAK, SLIDER, Studies, accuracy, finished, with_columns
 
 #: The errors by which run times are compared, and the largest error asked for, in the column's unit.
 TARGETS = {SLIDER: 1e-6, FORCE: 1.0, PEAK: 1.0}
@@ -55,7 +55,7 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
         yield _figure(column, [of for (each, _), of in by_class.items() if each == column])
     yield _ratios(by_class)
     yield _by_scene(by_class)
-    yield _building(rows.dropna(subset="build_time_s"))
+    yield _building(with_columns(rows, "build_time_s", "solve_time_s").dropna(subset="build_time_s"))
 
 
 def _figure(column: str, classes: Sequence[ByScene]) -> Figure | None:

@@ -7,17 +7,12 @@ largest of kinetic energy, change of potential energy, and the works of driver a
 """
 
 from collections.abc import Iterator
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure as Drawing
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
-from reports.lines import against, draw, grid, points
-from reports.look import BLACK, GREY, RC, WIDTH_IN, axis_label, labels, number, setting
+from reports.lines import Line, Panel, against, draw, points, shown_labels
+from reports.look import axis_label, labels, line_styles, number, setting
 from reports.page import HALF_WIDTH, Chapter, Claim, Figure, Table
 from reports.results import Results, Studies, finished, knobs, tolerances, with_columns
 
@@ -29,17 +24,8 @@ KEPT = 1e-4
 EXPONENT = 0.1
 #: The configurations of the reference of which theory says how constraints drift.
 PLAIN, BAUMGARTE, PROJECTED = "reference (none)", "reference (Baumgarte)", "reference (projection)"
-#: Grey and hatch of what contacts dissipate and of what stabilisation removes; a panel has no fewer joules.
-LOSSES = {
-    "normal": ("#BDBDBD", ""),
-    "friction": ("#E8E8E8", "////"),
-    "clipped": ("#F7F7F7", "xxxx"),
-    "stabilisation": ("#969696", "...."),
-}
-#: Of the losses of a run of that part of all its work and more the rest is too thin to be drawn.
-SEEN = 1e-3
 #: The columns that not every row has.
-OPTIONAL = (UNACCOUNTED, "dissipated_power_W", "largest_numerical_gain_J", "turns", "driver_work_J")
+OPTIONAL = (UNACCOUNTED, "dissipated_power_W", "largest_numerical_gain_J", "turns", "energy_in_play_J")
 EXPONENTS = ["constraint_violation_exponent", "constraint_speed_exponent"]
 POWERS = ("hidden_power_W", "hidden_power_low_W", "hidden_power_high_W")
 INTRODUCTION = (
@@ -96,7 +82,7 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     yield _kept(energy_parts(middle))
     yield from drift(finished(rows[~rows["contact"]]))
     if results.has_curves:
-        yield _balance(results, finished(middle[middle["contact"] & middle["driver_work_J"].notna()]))
+        yield _growth(results, middle)
     panels = against(rows, "largest_numerical_gain_J", orders=(1, 3, 5))
     caption = "The largest error over the run. Grey lines have the slope of the order at their left end."
     title = "How does the energy-balance error fall with the step?"
@@ -107,11 +93,13 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
 
 def _kept(found: pd.DataFrame) -> Claim | None:
     keep = found[found["part"] <= KEPT]
+    if keep.empty:
+        return None
     text = (
         f"Energy balance within {100 * KEPT:g} % of the energy in play: {', '.join(keep.index + keep['on'])}."
     )
-    text += f" The furthest off is {found.index[-1]}: {{part}}." if len(found) else ""
-    return Claim("kept", text, {"part": (100 * found["part"].iloc[-1], "%")}) if len(keep) else None
+    text += f" The furthest off is {found.index[-1]}: {{part}}."
+    return Claim("kept", text, {"part": (100 * found["part"].iloc[-1], "%")})
 
 
 def drift(rows: pd.DataFrame) -> Iterator[Claim]:
@@ -137,54 +125,23 @@ def drift(rows: pd.DataFrame) -> Iterator[Claim]:
         yield Claim("drift-projection", text, {"gap": (gap, "m")}, bool(projected[EXPONENTS[0]].isna().all()))
 
 
-def _balance(results: Results, rows: pd.DataFrame) -> Figure | None:
-    """Return the energy balance over time on the scene with the largest error: the best run and the worst."""
-    if rows[UNACCOUNTED].isna().all():
-        return None
-    scene = rows["scene"][rows[UNACCOUNTED].idxmax()]
-    shown = rows[rows["scene"] == scene].sort_values(UNACCOUNTED).iloc[[0, -1]]
+def _growth(results: Results, middle: pd.DataFrame) -> Figure | None:
+    """Return the largest energy-balance error so far over time, a panel for each scene."""
+    panels, styles = list[Panel](), line_styles(middle)
+    for scene, of_scene in finished(middle).groupby("scene"):
+        lines = []
+        for row in of_scene[of_scene["label"].isin(shown_labels(of_scene))].itertuples():
+            error = results.curve(row.case, "numerical_gain_so_far_J") / row.energy_in_play_J
+            style = {**styles[row.label], "markevery": len(error) // 5}
+            time_s = results.curve(row.case, "time_s")
+            lines.append(Line(str(row.label), time_s, np.where(error > 0, error, np.nan), style))
+        panels.append(Panel(str(scene), axis_label("time_s"), "part of the energy in play", lines, log="y"))
     caption = (
-        f"On {scene}, the run with the smallest error and that with the largest. Losses are stacked; the "
-        "line is the work of driver and loads that is not stored. A line above the stack is energy that the "
-        "method loses, one below it is energy that it gains."
+        "The largest so far at the middle setting: bounded where a line is flat, a drift where it rises."
     )
-    return Figure(
-        "energy-balance", "Where does the driver's work go?", caption, "energy", _draw(results, shown)
-    )
-
-
-def _draw(results: Results, rows: pd.DataFrame) -> Drawing:
-    """Return the energy balance of some runs of a scene, a panel for each, all of one scale."""
-    with mpl.rc_context(RC):
-        drawing, axes = grid(len(rows), height_in=2.4)
-        handles: dict[str, Any] = {"": Line2D([], [], color=BLACK, label="work less energy stored")}
-        for ax, (_, row) in zip(axes, rows.iterrows(), strict=True):
-            time, present = results.curve(row["case"], "time_s"), row.dropna().index
-            kinds = ("_work_J", "_change_J", "_loss_J")
-            work, stored, lost = (
-                {name: results.curve(row["case"], name) for name in present if name.endswith(kind)}
-                for kind in kinds
-            )
-            left, base = sum(work.values()) - sum(stored.values()), np.zeros(len(time))
-            for name, curve in lost.items():
-                if np.abs(curve).max() < SEEN * np.abs(left).max():
-                    continue
-                face, hatch = next(
-                    (look for kind, look in LOSSES.items() if kind in name), ("#D0D0D0", "\\\\")
-                )
-                look: Any = {"facecolor": face, "hatch": hatch, "edgecolor": "#5A5A5A", "linewidth": 0.3}
-                ax.fill_between(time, base, base + curve, **look)
-                words = name.removesuffix("_J").replace("_", " ")
-                handles[words] = Patch(facecolor=face, hatch=hatch, edgecolor=GREY, label=words)
-                base = base + curve
-            ax.plot(time, left, color=BLACK, linewidth=1.4)
-            ax.set(title=row["label"], xlabel=axis_label("time_s"), ylabel="energy [J]")
-        top = max(ax.get_ylim()[1] for ax in axes)
-        for ax in axes:
-            ax.set_ylim(0, top)
-        drawing.set_figwidth(WIDTH_IN)
-        drawing.legend(handles=[*handles.values()], loc="outside lower center", ncols=3)
-    return drawing
+    title = "How does the energy-balance error grow over time?"
+    drawing = draw(panels, 2.3, 2) if panels else None
+    return Figure("energy-growth", title, caption, "energy", drawing, points(panels)) if drawing else None
 
 
 def dissipation(middle: pd.DataFrame) -> Table:

@@ -148,9 +148,9 @@ def against(
 
     Scenes without the column have none.
     """
+    styles, panels = line_styles(rows), list[Panel]()
     rows = rows.assign(error=value(rows, column)).query("error > 0")
     rows = rows[rows["label"].isin(shown_labels(rows))]
-    styles, panels = line_styles(rows), []
     for scene, of_scene in rows.groupby("scene"):
         lines = [
             Line(str(label), line[at], line["error"], styles[label], settings_in_words(line))

@@ -93,6 +93,7 @@ UNITS = {
 
 #: The beginnings of column names that are not their own words.
 WORDS = {
+    "largest_numerical_gain": "largest energy-balance error",
     "impact_force_in_phase": "impact force at equal phase",
     "impact_force_relative": "relative peak force",
     "impact_force": "peak force",
@@ -157,7 +158,7 @@ def words(column: str) -> tuple[str, str]:
 def _in_words(name: str) -> str:
     """Return a column's name without its unit in words, of what a scene observes by that alone: B x error."""
     name = name.removeprefix("observed_")
-    begin = next((begin for begin in WORDS if name.startswith(f"{begin}_")), "")
+    begin = next((begin for begin in WORDS if f"{name}_".startswith(f"{begin}_")), "")
     return WORDS.get(begin, begin) + name[len(begin) :].replace("_", " ")
 
 

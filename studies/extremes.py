@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BaseModel, TypeAdapter
 
 from engine_models import arms
-from engine_models.engine import ImpossibleScene, RunSettings, Trajectory
+from engine_models.engine import FloatArray, ImpossibleScene, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
 from engine_models.scene.data import Kind
@@ -42,9 +42,10 @@ GALLERY = Path(__file__).with_name("gallery.toml")
 #: What a run may take. A kernel's compilation counts.
 LIMIT_S = 120.0
 #: A run is right within this part of the truth, with an energy balance closed to this part of the energy in
-#: play and constraints kept to this part of the crank's length. Beyond ten times one of these it is wrong.
+#: play and constraints kept to this part of the crank's length. Beyond ten times one of these it is wrong. A
+#: signal that stands still is judged by a part of its size.
 RIGHT = {"relative_error": 1e-3, "unaccounted_energy_part": 1e-2, "constraint_relative": 1e-3}
-NONSENSE = 10.0
+NONSENSE, STILL = 10.0, 1e-3
 #: Every engine's best practice, and what a plain user would have: the paper's RK4, Pymunk as it comes.
 ARMS = (
     arms.REFERENCE,
@@ -171,21 +172,24 @@ def measure(case: Case) -> tuple[Row, Curves]:
 def relative_errors(scene: Scene, true_scene: Scene, run: Trajectory) -> dict[str, float]:
     """Return the largest error of every signal in parts of how far the true signal is from its mean.
 
-    ``true_scene`` has the motion that a run of ``scene`` is held to, for as long as independent solutions
-    agree, and as it lasts.
+    One that hardly moves is judged in parts of ``STILL`` of its size. ``true_scene`` has the motion that a
+    run of ``scene`` is held to, for as long as independent solutions agree, and as it lasts.
     """
     samples = round((len(run.time_s) - 1) * true_scene.end_time_s / scene.end_time_s)
     truth, until = converged(true_scene, samples)[0], slice(followed(true_scene, samples))
     truth, run = selected(truth, until), selected(run, until)
-    signals_of_run, sizes = dict(signals(scene, run)), scales(true_scene, truth)
+    told, swings = dict(signals(scene, run)), scales(true_scene, truth)
     loose, parts = bool(scene.joints_with_clearance), {}
     for name, true in signals(true_scene, truth):
         if not (loose and name.endswith(("_N", "_N_m"))):
-            off = np.abs(signals_of_run[name] - true).reshape(len(true), -1)
-            parts[name] = float(np.hypot.reduce(off, axis=1).max()) / (
-                sizes[with_suffix(name, "scale")] or 1.0
-            )
+            off, size = _size(told[name] - true), STILL * float(_size(true).max())
+            parts[name] = float(off.max()) / (max(swings[with_suffix(name, "scale")], size) or 1.0)
     return parts
+
+
+def _size(signal: FloatArray) -> FloatArray:
+    """Return the size of a signal, (n,), of a vector (n, 2) its length."""
+    return np.asarray(np.hypot.reduce(signal.reshape(len(signal), -1), axis=1))
 
 
 def _valid(scene: Scene) -> Scene:

@@ -134,7 +134,7 @@ def standings_table(standings: Standings) -> Table:
     lines: list[dict[str, Any]] = []
     for run in standings.runs:
         there = run.row in reached
-        line = {"configuration": run.label, "setting": run.setting}
+        line: dict[str, Any] = {"configuration": run.label, "setting": run.setting}
         line["time [ms]"] = run.shown_ms(FORCE) if there else None
         line["ratio"] = str(ratio(run, fastest)) if there and fastest and run is not fastest else None
         at = rows.loc[[run.row]]

@@ -6,9 +6,9 @@ from engine_models.engine import Engine, RunSettings, UnsupportedScene
 from engine_models.mechanics.states import observed_m
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.convergence import observed_order
 from studies.conformance.claims import SAMPLES, Finding
 from studies.judges.converged_truth import converged
+from studies.judges.convergence import observed_order
 
 #: Smooth motion on which orders are measured, and until when in s.
 SMOOTH, END_S = "ideal-free", 0.1
