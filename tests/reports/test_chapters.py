@@ -39,7 +39,7 @@ def written(of: Mapping[tuple[str, str], Any] = CONFIGURATIONS, **more: Any) -> 
     for (engine, arm), (times_s, build_s) in of.items():
         for k, (error_m, time_s) in enumerate(zip(ERRORS_M, times_s, strict=True)):
             head: Any = (SCENE, engine, arm, 0.1 / 2**k)
-            columns = {
+            columns: dict[str, Any] = {
                 "end_time_s": 0.5,
                 "slider_position_error_m": error_m,
                 "slider_position_uncertainty_m": 1e-14,
