@@ -13,7 +13,7 @@ from engine_models.scene.data import SceneData
 from engine_models.scene.drives import Drive
 from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.plain_words import expectation, fields, shown
-from studies.command.main import app
+from crankslider.command import app
 
 
 def _kind(drive: type[SceneData]) -> str:

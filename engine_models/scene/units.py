@@ -89,15 +89,15 @@ def in_own_units(data: Mapping[str, Any], **units: str) -> dict[str, Any]:
     text, and is refused later.
     """
     fields = ((name, value, units.get(name) or unit_of(name)) for name, value in data.items())
-    return {name: _number(value, unit) if unit else value for name, value, unit in fields}
+    return {name: in_unit(value, unit) if unit else value for name, value, unit in fields}
 
 
-def _number(value: Any, unit: str) -> Any:
+def in_unit(value: Any, unit: str) -> Any:
     """Return a value with every quantity in it as a number in a unit."""
     if isinstance(value, list | tuple):
-        return [_number(each, unit) for each in value]
+        return [in_unit(each, unit) for each in value]
     if isinstance(value, Mapping):
-        return {name: _number(each, unit) for name, each in value.items()}
+        return {name: in_unit(each, unit) for name, each in value.items()}
     typed = QUANTITY.fullmatch(value) if isinstance(value, str) else None
     if typed is None:
         return value

@@ -10,7 +10,7 @@ from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.file import from_toml
 from reports.results import published_rows
-from studies.command.trajectory_table import impact_columns, sample_columns
+from studies.judges.columns import impact_columns, sample_columns
 from studies.registry import STUDIES
 from tests.docs.pages import ROOT, table
 from tests.helpers.machines import MACHINES
