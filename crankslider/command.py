@@ -41,9 +41,10 @@ LINE_S = 30.0
 UNBREAKABLE, AGAIN_S = "llvmlite.", 0.01
 
 
-def _quieten(wanted: bool) -> None:
+def _quieten(wanted: bool) -> bool:
     """Keep notes and progress back, if that is ``wanted``."""
     log.setLevel(logging.WARNING if wanted else logging.INFO)
+    return wanted
 
 
 #: Options are read as text where the library takes numbers as people type them.
@@ -136,7 +137,7 @@ def engines(
 
     if name is not None and name not in ENGINES:
         raise BadInput(unknown("NAME", name, ENGINES))
-    listed = []
+    listed = list[dict[str, Any]]()
     for each in ENGINES if name is None else [name]:
         kind = engine_class(each)
         settings = [(f"  {key}", shown(it["default"]), expectation(it)) for key, it in fields(kind).items()]
@@ -156,10 +157,10 @@ def engines(
         print(f"{engine['engine']}: {about if name else about.partition(chr(10))[0]}")
         _print_rows((), engine["settings"])
         why = dict[str, list[str]]()
-        for scene, reason in engine["refused"].items():  # type: ignore[attr-defined]
-            why.setdefault(reason, []).append(scene)
-        for reason, some in why.items():
-            print(f"  not {', '.join(some)}: {reason}")
+        for scene, refusal in engine["refused"].items():
+            why.setdefault(refusal, []).append(scene)
+        for refusal, some in why.items():
+            print(f"  not {', '.join(some)}: {refusal}")
 
 
 def _print_rows(head: Sequence[str], rows: Any, as_json: bool = False) -> None:
@@ -622,6 +623,8 @@ def _explained(error: BaseException) -> tuple[str, int]:
         return str(error), 2
     if isinstance(error, Failed):
         return str(error), 1
+    if isinstance(error, BrokenPipeError):  # the reader of stdout has closed it
+        return "", 1
     if isinstance(error, MemoryError):
         return "the run needs more memory than there is", 1
     if isinstance(error, OSError):
@@ -664,13 +667,13 @@ def main() -> None:
     try:
         code = app(standalone_mode=False, prog_name="crankslider") or 0
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader of stdout has closed it
-        code = 1
-        # The buffer of stdout cannot be written; Python would report that again at exit.
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115  it lives as long as the process
     except (Exception, KeyboardInterrupt) as error:
         message, code = _explained(error)
-        log.error(message)
+        if isinstance(error, OSError):
+            # What stdout holds back may be what cannot be written; Python would try again at exit.
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115  it lives as long as the process
+        if message:
+            log.error(message)
     finally:
         for number, handled in before.items():
             signal.signal(number, handled)

@@ -17,6 +17,7 @@ from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, Question, ask, cases
 from studies.failures import BadInput, Failed, progress_console, writing
 from studies.runner import run_cases
 from studies.store import Store
+from studies.whole_file import require_folder
 from studies.workers import Ended, Pool
 
 #: The output intervals of the run that is shown.
@@ -39,7 +40,9 @@ def compare_engines(
         BadInput: the scene has no reference solution or no such signal, or no engine can run it.
         Failed: the reference solution was not found, or no engine finished.
     """
-    with Pool(os.cpu_count() or 1) as pool, writing("out", folder), Store(folder) as store, store.held():
+    with writing("out", folder):
+        require_folder(folder)
+    with Pool(os.cpu_count() or 1) as pool, Store(folder) as store, store.held():
         wanted = {case.key: case for case in cases(scene, _question(scene, error, signal, pool), engines)}
         store.describe(NAME, provenance(False, wanted.values()))
         run_cases({NAME: [*wanted.values()]}, store, pool)

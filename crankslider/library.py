@@ -115,8 +115,8 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
         kind = engine_class(name)
     except ValueError as reason:
         raise BadInput(str(reason)) from None
-    if reason := no_numbers(settings, kind):
-        raise BadInput(reason)
+    if wrong := no_numbers(settings, kind):
+        raise BadInput(wrong)
     try:
         engine: Engine = TypeAdapter(kind).validate_strings({key: typed(it) for key, it in settings.items()})
     except ValidationError as error:
@@ -210,7 +210,7 @@ def truth(scene: SomeScene, *, end: Seconds | None = None, samples: Samples = 12
         BadInput: an argument or the scene is refused.
         Failed: no solution was found.
     """
-    from crankslider.truth import reference_solution
+    from crankslider.reference_solutions import reference_solution
 
     run = reference_solution(read_scene(scene, end=end), samples)
     for doubt in run.warnings:
@@ -398,7 +398,7 @@ def verdicts_on_file(table: Path, scene: AnyScene) -> "Iterator[Verdict]":
         raise BadInput(
             f"from: expected time_s and columns such as {true.columns[1]}, got {', '.join(columns)}"
         )
-    return verdicts_on_table(dict(columns), dict(true))
+    return verdicts_on_table(*({name: it[name].to_numpy() for name in shared} for it in (columns, true)))
 
 
 def require_baselines(folder: Path, accept: bool) -> None:

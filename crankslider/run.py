@@ -4,6 +4,7 @@ import io
 import json
 import os
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -23,7 +24,7 @@ from engine_models.scene.general import GeneralScene
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown, unknown
 from studies.failures import BadInput, writing
-from studies.whole_file import require_place, write_whole
+from studies.whole_file import require_place, whole_file, write_through, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -179,25 +180,27 @@ class Run:
         Raises:
             BadInput: a file cannot be written.
         """
-        from reports.plots.picture import picture_bytes
-
         contents = {}
         for name, place, columns in (("out", out, self._samples), ("impacts", impacts, self._impacts)):
             if place is not None:
                 contents[name, Path(place)] = self._encoded(columns(), Path(place).suffix.lower())
         if plot is not None:
+            from reports.plots.picture import picture_bytes
+
             picture = picture_bytes(self.plot(plot_columns), Path(plot).suffix.lower())
             contents["plot", Path(plot)] = picture
         if animate is not None:
-            contents["animate", Path(animate)] = self._film(Path(animate).suffix.lower(), exaggerate)
-        for (name, path), content in contents.items():
-            if path == STDOUT:
-                print(content.decode("utf-8"), end="")
-                continue
-            with writing(name, path):
-                write_whole(path, content)
+            contents["animate", Path(animate)] = self.film(Path(animate).suffix.lower(), exaggerate)
+        with ExitStack() as whole:  # all files are there, or none
+            for (name, path), content in contents.items():
+                whole.enter_context(writing(name, path))
+                if path == STDOUT:
+                    print(content.decode("utf-8"), end="")
+                else:
+                    write_through(whole.enter_context(whole_file(path)), content)
 
-    def _film(self, ending: str, exaggerate: float) -> bytes:
+    def film(self, ending: str, exaggerate: float) -> bytes:
+        """Return the animation as the bytes of a file; progress is told as that of a run."""
         from reports.run.drawing import Shape
         from reports.run.film import film_bytes, pictured
 

@@ -60,7 +60,7 @@ ENDS_S = {
     "v-twin": 0.02,
 }
 #: Smooth motion on which orders are measured, and until when in s.
-SMOOTH, END_S = "ideal-free", 0.1
+SMOOTH, SMOOTH_END_S = "ideal-free", 0.1
 #: The longest step in s, and how often it is halved.
 LONGEST_S, HALVINGS = 2e-4, 6
 #: To what the truth is known in m. It is as much as roundings of 0.2 m add up to by chance in the finest run:
@@ -267,7 +267,7 @@ def states_its_accuracy(engine: Engine) -> Finding:
 
 
 def _smooth() -> Scene:
-    return SCENES[SMOOTH]().model_copy(update={"end_time_s": END_S})
+    return SCENES[SMOOTH]().model_copy(update={"end_time_s": SMOOTH_END_S})
 
 
 def _refused(engine: Engine, scene: Scene) -> Finding | None:

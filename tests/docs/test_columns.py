@@ -19,7 +19,7 @@ from tests.helpers.machines import MACHINES
 SCENES = {
     "ideal-torque": {},
     "ideal-compressor": {},
-    "clearance-driven-damped": {"clearance.A": cs.scenes["clearance-driven-A"].clearance.A},
+    "clearance-driven-damped": {"clearance.A": cs.scenes["clearance-driven-A"].clearances["A"]},
     "clearance-pendulum": {},
 }
 LOADED = {"force_N": -1.0, "viscous_N_s_m": 1.0, "spring_N_m": 10.0, "free_position_m": 0.1}

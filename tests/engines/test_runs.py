@@ -209,8 +209,8 @@ def test_memory_of_a_pymunk_run_does_not_grow_with_its_steps(
 @pytest.mark.parametrize(
     ("options", "refusal"),
     [
-        (("--samples", "90000"), "--samples: expected at most"),
-        (("--engine", "exudyn", "--step", "1e-9"), "--step: expected at least"),
+        (("--samples", "90000"), "samples: expected at most"),
+        (("--engine", "exudyn", "--step", "1e-9"), "step: expected at least"),
     ],
 )
 def test_a_run_too_large_for_the_memory_is_refused_in_one_line(

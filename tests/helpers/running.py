@@ -44,7 +44,7 @@ def started(
 
 def copied(folder: Path) -> Path:
     """Copy the code that decides numbers and the tests' into a folder, to be edited and run there."""
-    for package in (*FOLDERS, "tests"):
+    for package in (*FOLDERS, "reports", "crankslider", "tests"):
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
     return folder
 

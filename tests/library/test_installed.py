@@ -47,7 +47,6 @@ def python(site: Path, folder: Path, code: str) -> "subprocess.CompletedProcess[
 
 
 def test_the_installed_library_and_command_run_in_a_folder_of_the_users(site: Path, tmp_path: Path) -> None:
-    (tmp_path / "array.py").write_text("raise SystemExit('mine')\n")
     same = "print(cs.__file__, len(run.frame), cs.Scene is type(cs.scenes['ideal-free']))"
     done = python(site, tmp_path, f"{RUN}\n{same}")
     assert (done.stderr, done.stdout.split()) == ("", [str(site / "crankslider/__init__.py"), "5", "True"])

@@ -158,4 +158,4 @@ def test_after_a_transient_the_largest_force_is_that_of_the_running_machine(run:
     assert f"at t = {largest.time_s:.6g} s, after the transient to 0.002 s, in which it is" in line
     assert line.endswith(f"at t = {first.time_s:.6g} s")
     told = crankslider("simulate", SCENE, "--end", "4ms", "--samples", 50, "--from", "2 ms", "--quiet")
-    assert told == (0, "", "") or (told.code, told.stdout, told.stderr) == (0, "", "")
+    assert (told.code, told.stdout, told.stderr) == (0, "", "")

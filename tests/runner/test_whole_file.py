@@ -143,7 +143,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     """Any of these runs would take hours."""
     place = obstacle(tmp_path, kind, name)
     done = crankslider(*command, place)
-    option = f"{command[-1]}: expected a place that can be written"
+    option = f"{str(command[-1])[2:]}: expected a place that can be written"
     require_refusal(done.stdout, done.stderr, done.code, option, f"({OBSTACLES[kind]})")
 
 
@@ -162,7 +162,7 @@ def test_a_place_that_can_be_no_folder_is_refused_before_the_work(
     command: tuple[object, ...], kind: str, tmp_path: Path
 ) -> None:
     done = crankslider(*command, obstacle(tmp_path, kind, "results"))
-    option = f"{command[-1]}: expected a place that can be written"
+    option = f"{str(command[-1])[2:]}: expected a place that can be written"
     require_refusal(done.stdout, done.stderr, done.code, option, "(Not a directory)")
 
 

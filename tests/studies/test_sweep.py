@@ -16,6 +16,7 @@ import crankslider as cs
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.closing import closed
 from engine_models.scene.file import from_toml
+from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
 from studies.store import Store
 from studies.sweep import Sample, draw_values
@@ -29,7 +30,7 @@ NAME, CLEARANCE, SPEED = (
     "start.crank_speed_rad_s",
 )
 ANGLE = "start.crank_angle_rad"
-SCENE = cs.scenes[NAME]
+SCENE: Any = cs.scenes[NAME]
 #: One that does not start at an angle of zero.
 TURNED = SCENE.replace(ANGLE, 0.4)
 PERIOD_S = 2 * math.pi / SCENE.start.crank_speed_rad_s
@@ -165,7 +166,7 @@ def test_another_mechanism_is_watched_by_its_turning_body(tmp_path: Path) -> Non
 
 
 def test_ideal_positions_are_those_of_the_closed_form_or_none() -> None:
-    off, scene = np.random.default_rng(1), cs.scenes["clearance-driven-AB"]
+    off, scene = np.random.default_rng(1), SCENES["clearance-driven-AB"]()
     ideal, *_ = configuration(scene, np.linspace(0.0, 20.0, 5000))  # more than are closed at a time
     moves = 1e-3 * off.uniform(-1, 1, ideal.shape) * [1.0, 1.0, 0.0]
     assert np.abs(closed(scene, ideal + moves, 0) - ideal).max() < ROUND_OFF

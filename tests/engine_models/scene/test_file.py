@@ -82,10 +82,10 @@ def test_many_unknown_keys_are_counted_in_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "option"),
     [
-        ("simulate ideal-free --samples=", "--samples"),
-        ("simulate ideal-free --step=", "--step"),
-        ("simulate ideal-free --engine pymunk --set iterations=", "--set iterations"),
-        ("run agreement --jobs=", "--jobs"),
+        ("simulate ideal-free --samples=", "samples"),
+        ("simulate ideal-free --step=", "step"),
+        ("simulate ideal-free --engine pymunk --set iterations=", "iterations"),
+        ("run agreement --jobs=", "jobs"),
     ],
 )
 def test_only_plain_decimal_numbers_are_numbers(number: str, arguments: str, option: str) -> None:
@@ -98,4 +98,4 @@ def test_only_plain_decimal_numbers_are_numbers(number: str, arguments: str, opt
 @pytest.mark.parametrize("number", ["10", "+10", "010", "10.0", "1e1", "100E-1", ".1e2"])
 def test_a_number_may_be_written_in_every_plain_way(number: str) -> None:
     done = crankslider("simulate", "ideal-free", "--end", number, "--step", "20")
-    assert done.stderr == "error: --step: expected a number from 1e-11 to the end time 10, got 20\n"
+    assert done.stderr == "error: step: expected a number from 1e-11 to the end time 10, got 20\n"

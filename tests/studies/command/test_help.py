@@ -79,8 +79,8 @@ def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path:
     options = ("--full", "--retry-failed", "--jobs", 3, "--out", tmp_path)
     assert crankslider("run", "agreement", *options).code == 0
     assert calls == [
-        (list(STUDIES), False, Path("results"), False, ()),
-        (["agreement"], True, tmp_path, True, ()),
+        (list(STUDIES), False, Path("results"), False, []),
+        (["agreement"], True, tmp_path, True, []),
     ]
 
 

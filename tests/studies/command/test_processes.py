@@ -44,7 +44,7 @@ def test_what_is_shown_is_utf_8_in_every_locale(tmp_path: Path) -> None:
         (
             f"{IDEAL} >&-",
             2,
-            "error: output: not writable\n",
+            "error: out: expected a place that can be written, got - (not writable)\n",
         ),
         ("scenes >&-", 2, "error: output: not writable\n"),
         (f"{IDEAL} --quiet --out - >/dev/full", 2, "error: output: No space left on device\n"),

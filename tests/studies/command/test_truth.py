@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 import crankslider as cs
-from crankslider.truth import write_reference_solutions
+from crankslider.reference_solutions import write_reference_solutions
+from engine_models.scene.library import SCENES
 from engine_models.scene.library.mechanisms import MECHANISMS
 from tests.helpers.command import crankslider, table_of
 
@@ -58,7 +59,7 @@ def test_nothing_is_certain_beyond_the_last_digit_of_its_size(name: str, changes
 
 def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
     for name in ("ideal-driven", "clearance-pendulum"):
-        short = (name, "--end", 0.004, "--samples", 4, "--quiet")
+        short = (name, "--end", 0.004, "--samples", 4, "--quiet", "--out", "-")
         own, simulated = crankslider("truth", *short), crankslider("simulate", *short)
         assert (own.code, own.stderr) == (0, "")
         assert list(table_of(own.stdout)) == list(table_of(simulated.stdout))
@@ -69,7 +70,7 @@ def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
 
 
 def test_a_motion_that_nobody_can_follow_has_no_truth(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("crankslider.truth.followed", lambda *_: 0)
+    monkeypatch.setattr("crankslider.reference_solutions.followed", lambda *_: 0)
     with pytest.raises(cs.Failed, match="no reference solution was found: two solutions diverge before"):
         cs.truth("ideal-driven", end=0.004, samples=4)
 
@@ -83,7 +84,7 @@ def test_what_is_published_is_what_is_solved_here(tmp_path: Path) -> None:
         )
         pd.testing.assert_frame_equal(here, there, rtol=1e-6, atol=1e-9)
     certainty = pd.read_csv(PUBLISHED / "certainty.csv").set_index("scene")
-    assert set(certainty.index) == set(cs.scenes)
+    assert set(certainty.index) == set(SCENES)
     assert set(certainty["solved_by"]) == {"independent equations"}
     assert certainty["slider_position_uncertainty_m"].max() < 1e-8
     for name, row in certainty.iterrows():

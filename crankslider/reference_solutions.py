@@ -1,7 +1,7 @@
 """The reference solution of a scene as a run, for the validation of other solvers.
 
-``python -m crankslider.truth FOLDER`` writes that of every library scene: samples as ``SCENE.csv.xz``, ended
-contacts as ``SCENE-impacts.csv.xz``, and ``certainty.csv`` with a row for each scene.
+``python -m crankslider.reference_solutions FOLDER`` writes that of every library scene: samples as
+``SCENE.csv.xz``, ended contacts as ``SCENE-impacts.csv.xz``, and ``certainty.csv`` with a row for each scene.
 """
 
 import sys
