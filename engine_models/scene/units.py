@@ -82,6 +82,20 @@ def unit_of(name: str) -> str | None:
     return UNITS[max(ends, key=len)] if ends else None
 
 
+def converted(name: str, other: str) -> float | None:
+    """Return by what numbers of a column ``other`` become those of a field: 1e-3 of time_ms for time_s.
+
+    None where they are not the same but for the unit.
+    """
+    unit = unit_of(name)
+    ends = [end for end in UNITS if unit and f"_{name}".endswith(f"_{end}")]
+    stem = name.removesuffix(max(ends, key=len, default=""))
+    if not (ends and other.startswith(stem)):
+        return None
+    factor = in_unit(f"1 {other.removeprefix(stem).replace('_', ' ')}", UNITS[max(ends, key=len)])
+    return factor if isinstance(factor, float) else None
+
+
 def in_own_units(data: Mapping[str, Any], **units: str) -> dict[str, Any]:
     """Return fields with numbers in place of text with a unit, in lists and mappings too.
 
