@@ -114,7 +114,8 @@ def test_a_table_may_have_other_units_in_its_head(
     rows = [f"{time * scale[0]},{angle * scale[1]}" for time, angle in zip(times, angles, strict=True)]
     (tmp_path / "turn.csv").write_text("\n".join([head, *rows]))
     (tmp_path / "scene.toml").write_text(TEXT)
-    changes = {"drive": {"kind": "table", "file": "turn.csv"}, "end_time_s": 0.02}
+    changes: dict[str, object] = {"drive": {"kind": "table", "file": "turn.csv"}, "end_time_s": 0.02}
+    changes |= {"start.crank_speed_rad_s": 100.0}
     drive: Any = load(tmp_path / "scene.toml", changes).drive
     np.testing.assert_allclose(drive.angle_rad, angles, rtol=1e-14)
     np.testing.assert_allclose(drive.time_s, times, rtol=1e-14)
