@@ -1,12 +1,11 @@
 """What a run keeps of its events on rigid walls (see ``rigid.loop``)."""
 
-from typing import Any
-
 import numpy as np
 
 from reference_solver import failures
 from reference_solver.contact import types
 from reference_solver.equations import Equations
+from reference_solver.kernel import Kernel
 from reference_solver.rigid import settling
 from reference_solver.rigid.impact import new_hit
 from reference_solver.rigid.settling import CONTROL_RECORD, IMPACT_RECORD, Settling
@@ -22,15 +21,16 @@ class Bouncing:
     """A run's events on rigid walls: those so far, and who follows."""
 
     def __init__(
-        self, equations: Equations, sums: list[str], look: Any, p: Any, shortest_s: float, lowest: float
+        self, equations: Equations, sums: list[str], kernel: Kernel, shortest_s: float, lowest: float
     ) -> None:
         walls = new_walls(equations.mechanism, sums)
         (joints,), (rows, n) = walls.joints.shape, walls.rows.shape
         control = np.zeros(1, CONTROL_RECORD)
         control["shortest_s"], control["lowest"], control["stale"] = shortest_s, lowest, 1
+        control["p"], control["numbers"] = kernel.p, walls.numbers.ctypes.data
         log = np.zeros(LOG_ROWS + settling.ROWS_OF_EVENT * joints, IMPACT_RECORD)
         memory = np.zeros(rows, np.int64), np.zeros((settling.ROWS, n)), np.zeros((joints, joints))
-        self.settling = Settling(look, p, walls, new_hit(joints, rows), control, log, *memory)
+        self.settling = Settling(kernel["walls"], walls, new_hit(joints, rows), control, log, *memory)
         self.following: tuple[int, ...] = ()
         self.impacts, self.changes = list[types.Impact](), list[ModeChange]()
         self._equations = equations

@@ -12,7 +12,7 @@ from engine_models.engine import (
     UnsupportedScene,
     plain,
 )
-from engine_models.kernels import KernelsRefused
+from engine_models.kernels import FolderRefused
 from engine_models.memory import TooLarge
 from engine_models.reference.inspection import inspect
 from engine_models.scene.parts import AnyScene
@@ -42,7 +42,7 @@ def simulated(scene: AnyScene, engine_name: str, engine: Engine, options: Simula
         raise BadInput(f"--{reason}") from None
     except UnsupportedScene as reason:
         raise BadInput(f"--engine: expected one that can run this scene, got '{reason}'") from None
-    except KernelsRefused as reason:
+    except FolderRefused as reason:
         raise BadInput(str(reason)) from None
     except SimulationFailed as reason:
         raise Failed(str(reason)) from None

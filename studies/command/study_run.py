@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from engine_models.engines import join
-from engine_models.kernels import KernelsRefused, writable_folder
+from engine_models.kernels import FolderRefused, writable_folder
 from engine_models.scene.plain_words import meant, one_of, shown
 from studies.command.options import read_engine
 from studies.failures import BadInput, terminated_as_interrupted, writing
@@ -43,5 +43,5 @@ def running_in(out: Path) -> Iterator[None]:
         with writable_folder(), writing("--out", out), terminated_as_interrupted():
             require_folder(out)
             yield
-    except KernelsRefused as reason:
+    except FolderRefused as reason:
         raise BadInput(str(reason)) from None

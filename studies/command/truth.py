@@ -15,7 +15,7 @@ import pandas as pd
 
 from engine_models.convergence.doubts import doubts_of_tables
 from engine_models.engine import Engine, FloatArray, Impacts, SimulationFailed, Trajectory, UnsupportedScene
-from engine_models.kernels import KernelsRefused
+from engine_models.kernels import FolderRefused
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.library import SCENES
@@ -74,7 +74,7 @@ def true_run(scene: AnyScene, options: SimulateOptions) -> TrueRun:
         count = followed(scene, options.samples)
         by = truth_by(scene, options.samples)
         impacts = {joint: of.impacts for joint, of in solved(scene, options.samples).truth.contacts.items()}
-    except KernelsRefused as reason:
+    except FolderRefused as reason:
         raise BadInput(str(reason)) from None
     except (UnsupportedScene, SimulationFailed) as reason:
         raise Failed(f"no reference solution was found: {reason}") from None

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from reference_solver.compiled.store import njit
+from numba import njit
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -13,10 +13,10 @@ import numpy as np
 from numba import float64, int64, typeof, void
 from numba.types import FunctionType, NamedTuple  # type: ignore[attr-defined]
 from numpy.typing import NDArray
+from reference_solver.compiled import store
 
 from engine_models.engine import ImpossibleStart
 from engine_models.scene.parts import AnyScene
-from reference_solver.compiled import store
 from reference_solver.mechanism.data import Guide, MechanismData, Pin
 from studies.truth import equations, kinematics, machine, physics, record, stepping, switches, tables, tree
 from studies.truth.equations import (

@@ -10,7 +10,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from reference_solver.compiled.faces import ReadableFace, phases_of, with_fields
-from reference_solver.compiled.kernel import Topology, source_of
+from reference_solver.kernel import Topology, source_of
 from reference_solver.compiled.store import load_kernel
 from reference_solver.contact import adaptive_loop
 from reference_solver.contact.types import CLIPPED, CONTACT, CONTACT_RECORD, START, Run, new_run

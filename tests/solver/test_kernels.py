@@ -12,8 +12,8 @@ from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.compiled import kernel
 from reference_solver.compiled.faces import CompiledFace
-from reference_solver.compiled.kernel import Topology
-from reference_solver.compiled.kernel import source_of as source_of_marked
+from reference_solver.kernel import Topology
+from reference_solver.kernel import source_of as source_of_marked
 from reference_solver.compiled.store import load_kernel
 from reference_solver.equations import Equations
 from reference_solver.mechanism.mechanism import Body, Mechanism

@@ -15,7 +15,7 @@ from engine_models.scene.drives import Drive, FluctuatingDrive, FreeDrive, RampD
 from engine_models.scene.library import ideal_compressor, ideal_driven
 from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Scene
-from reference_solver.compiled.kernel import Topology, source_of
+from reference_solver.kernel import Topology, source_of
 from reference_solver.mechanism.building import pieces_of
 from reference_solver.mechanism.motions import MOTIONS, Course, Fluctuation, Ramp, Steady
 from reference_solver.mechanism.tables import PiecewiseCubic, piece
