@@ -13,14 +13,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import count
-from typing import NamedTuple
 
 import numpy as np
 
 from reference_solver.contact.force import gap
 from reference_solver.contact.types import CONTACT_RECORD, GAP_RECORD, OLD, Run
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.machine_code import HEAD, Address, Function, compile_text, known_numbers
+from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, known_numbers
 from reference_solver.mechanism.lifting import lifted, tables_in
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
@@ -208,17 +207,6 @@ FUNCTIONS: dict[str, Callable[[Given], list[Scalar]]] = {
 }
 
 
-class Functions(NamedTuple):
-    """The functions of a kernel as the loops call them."""
-
-    rates: Address
-    forces: Address
-    project: Address
-    gaps: Address
-    mobilities: Address
-    step: Address
-
-
 @dataclass(frozen=True)
 class Program:
     """The text of a kernel's functions, and what p has: the known nodes that they load."""
@@ -243,7 +231,7 @@ def program_of(topology: Topology) -> Program:
         given = given_on(tape, topology, results if large and name == "step" else None)
         results[name] = FUNCTIONS[name](given)
         places = places_of(topology, given.equations)
-        texts.append(Function(name, tape, results[name], places, parameters).text)
+        texts.append(FunctionText(name, tape, results[name], places, parameters).text)
     return Program(HEAD + "".join(texts), tuple(names), tuple(parameters))
 
 
@@ -282,7 +270,7 @@ def place_of_h(n: int, sums: int, contacts: int) -> int:
 class Kernel:
     """The functions of a topology, compiled, with p of a mechanism and its start ``q_start`` (n,).
 
-    ``p`` is an address, that of its numbers; ``functions`` are what the loops call.
+    ``p`` is an address, that of its numbers.
     """
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
@@ -294,8 +282,13 @@ class Kernel:
             numbers = known_numbers(program.parameters, raw)
         self._numbers = np.array([*of_tables, *numbers], dtype=float)
         self.p = self._numbers.ctypes.data + 8 * len(of_tables)
-        rates = self._by_name["rates"]
-        self.functions = Functions(*(self._by_name.get(name, rates) for name in Functions._fields))
+
+    def bind(self, run: Run) -> None:
+        """Have a run call these functions."""
+        run.clock["p"] = self.p
+        for name, function in self._by_name.items():
+            if name != "walls":
+                run.clock[name] = function.address
 
     def set_gaps(self, run: Run) -> None:
         """Set the contacts' gaps of a run's motion at its present time."""
@@ -303,12 +296,12 @@ class Kernel:
         gaps = y[len(run.old.y) :]
         self["gaps"](self.p, run.contacts.ctypes.data, float(now["time"]), y, gaps)
 
-    def __getitem__(self, name: str) -> Address:
+    def __getitem__(self, name: str) -> Function:
         """Return a function by its name."""
         return self._by_name[name]
 
 
 @cache
-def compiled_program(program: Program) -> dict[str, Address]:
+def compiled_program(program: Program) -> dict[str, Function]:
     """Return the functions of a program."""
     return compile_text(program.text, program.names)

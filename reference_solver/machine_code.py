@@ -23,9 +23,10 @@ from typing import Any, TypeVar, cast
 
 import llvmlite.binding as llvm
 import numba
-import numba.experimental.function_type  # how arguments that are functions are typed
 import numpy as np
-from numba.types import FunctionType, WrapperAddressProtocol, float64, int64
+from llvmlite import ir
+from numba.extending import intrinsic
+from numba.types import float64, int64
 
 from reference_solver.kept_files import FolderRefused, private_folder, read_kept, write_kept
 from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value, needs_of
@@ -34,8 +35,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 #: How Numba compiles what calls such functions.
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
-#: What compiled functions know of such a function: addresses of p, contacts, y and out are integers.
-FUNCTION = FunctionType(float64(int64, int64, float64, int64, int64))
 ARGUMENTS = "ptr noalias readonly %p, ptr noalias readonly %contacts, double %t, ptr noalias readonly %y"
 BINARY = {"+": "fadd contract", "-": "fsub contract", "*": "fmul contract", "/": "fdiv contract"}
 COMPARED = {">": "ogt", "==": "oeq"}
@@ -116,7 +115,7 @@ def number(x: float) -> str:
     return f"0x{int(np.float64(x).view(np.uint64)):016X}"
 
 
-class Function:
+class FunctionText:
     """The text of a function that stores results of a tape in ``out`` and returns the last of them.
 
     ``places`` are array and place of every input but t; ``parameters`` gets the places in p of known nodes.
@@ -297,30 +296,33 @@ def target_machine() -> Any:
     return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=3, jit=True)
 
 
-class Address(WrapperAddressProtocol):
-    """A function of machine code: an argument of functions that Numba compiles, and called from Python."""
+class Function:
+    """A function of machine code at an address, which Python can call."""
 
     def __init__(self, address: int, engine: Any) -> None:
-        self._address, self._engine = address, engine  # whose memory the code is in
-        self.call = ctypes.CFUNCTYPE(
-            ctypes.c_double,
-            *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p),
-        )(address)
-
-    def __wrapper_address__(self) -> int:
-        """Return where the machine code is."""
-        return self._address
-
-    def signature(self) -> Any:
-        """Return the signature that all these functions have."""
-        return FUNCTION.signature
+        self.address, self._engine = address, engine  # whose memory the code is in
+        pointer = ctypes.c_void_p
+        kinds = pointer, pointer, ctypes.c_double, pointer, pointer
+        self._call = ctypes.CFUNCTYPE(ctypes.c_double, *kinds)(address)
 
     def __call__(self, p: int, contacts: int, t: float, y: FloatArray, out: FloatArray) -> float:
         """Return the condition; ``p`` and ``contacts`` are addresses, y and out contiguous arrays."""
-        return float(self.call(p, contacts, t, y.ctypes.data, out.ctypes.data))
+        return float(self._call(p, contacts, t, y.ctypes.data, out.ctypes.data))
 
 
-def compile_text(text: str, names: Iterable[str]) -> dict[str, Address]:
+@intrinsic
+def call(_: Any, function: Any, p: Any, contacts: Any, t: Any, y: Any, out: Any) -> Any:  # noqa: ARG001
+    """Return what a function at an address returns, called by functions that Numba compiles."""
+
+    def emit(_: Any, builder: Any, __: Any, values: Any) -> Any:
+        address, *given = values
+        kind = ir.FunctionType(ir.DoubleType(), [value.type for value in given])
+        return builder.call(builder.inttoptr(address, kind.as_pointer()), given)
+
+    return float64(int64, int64, int64, float64, int64, int64), emit
+
+
+def compile_text(text: str, names: Iterable[str]) -> dict[str, Function]:
     """Return functions of a text by their names; their object code is compiled now, or was before.
 
     Raises:
@@ -336,7 +338,7 @@ def compile_text(text: str, names: Iterable[str]) -> dict[str, Address]:
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return {name: Address(engine.get_function_address(name), engine) for name in names}
+    return {name: Function(engine.get_function_address(name), engine) for name in names}
 
 
 # --------------------------------------------------------------------- functions that Numba compiles

@@ -224,25 +224,25 @@ class Solver:
         return Bouncing(self._equations, self._names, self._kernel(()), shortest_s, lowest)
 
     def _settle(self, run: types.Run, bouncing: "Bouncing") -> int:
-        """Settle an event on rigid walls."""
-        from reference_solver.rigid.settling import settle_once
-
-        return int(settle_once(run.contacts, run.clock, run.old, bouncing.settling))
+        """Settle an event on rigid walls, no pin following."""
+        bouncing.settling.control["alone"] = 1
+        return self._loop(run, bouncing)()
 
     def _loop(self, run: types.Run, bouncing: "Bouncing | None") -> Callable[[], int]:
         """Return what advances a run from its present state on: all that is timed of a run."""
         from reference_solver.contact import adaptive_loop, loop, smooth_loop
 
         kernel = self._kernel(() if bouncing is None else bouncing.following)
-        run.clock["p"], run = kernel.p, run._replace(kernel=kernel.functions)
-        controlled = isinstance(self._choice, ErrorControl)
+        kernel.bind(run)
+        parts, controlled = types.plain(run), isinstance(self._choice, ErrorControl)
         if bouncing is not None:
             from reference_solver.rigid.loop import bounce_by_error, bounce_by_steps
 
-            return partial(bounce_by_error if controlled else bounce_by_steps, run, bouncing.settling)
+            bounce = bounce_by_error if controlled else bounce_by_steps
+            return partial(bounce, parts, types.plain(bouncing.settling))
         if controlled:
-            return partial(adaptive_loop.advance if self._joints else smooth_loop.advance, run)
-        return partial(loop.advance if kernel.topology.by_events else loop.advance_equally, run)
+            return partial(adaptive_loop.advance if self._joints else smooth_loop.advance, parts)
+        return partial(loop.advance if kernel.topology.by_events else loop.advance_equally, parts)
 
     def run(
         self,

@@ -9,7 +9,7 @@ from reference_solver.equations import Equations
 from reference_solver.kernel import Kernel, Topology
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.rigid.bouncing import Bouncing, followers, logged_impacts
-from reference_solver.rigid.settling import settle_once
+from reference_solver.rigid.loop import bounce_by_error
 from reference_solver.solver import contact_record
 from reference_solver.tape import FloatArray
 
@@ -47,7 +47,8 @@ class Rebounds:
         run, s = self._run, self._bouncing.settling
         run.old.q[:], run.old.v[:], run.old.sums[:] = q, v, 0.0
         run.contacts["phase"], run.clock["time"], run.clock["rigid"] = types.FLIGHT, t, -1
-        if settle_once(run.contacts, run.clock, run.old, s) == types.REFUSED:
+        s.control["alone"] = 1
+        if bounce_by_error(*types.plain((run, s))) == types.REFUSED:
             self._bouncing.refuse(run)
         work, following = float(run.old.sums[0]), followers(run.contacts, s)
         return Rebound(run.old.v.copy(), logged_impacts(s), work, following)

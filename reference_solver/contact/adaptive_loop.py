@@ -29,7 +29,7 @@ from reference_solver.contact.controlled_step import (
     within,
 )
 from reference_solver.contact.loop import INNER
-from reference_solver.contact.types import FAILED, FLIGHT, GO, NEW, SETTLE
+from reference_solver.contact.types import FAILED, FLIGHT, GO, NEW, SETTLE, run_of
 from reference_solver.machine_code import OPTIONS, compiled
 
 #: Part of the clearance (or of a radian) that a pin crosses in a step of flight.
@@ -66,7 +66,7 @@ def remaining(contact, gap):
     return gap.depth / speed * (1.0 + 0.4716 * (1.0 - rate / speed))
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def course_of(contacts, gaps, t, h, careful):
     """Return the course of a step of h at most, its length in s, and the contact released at its end, or -1.
 
@@ -156,7 +156,7 @@ def passed(contact, gap, new_gap, kind):
     return end > 0.0 and (outwards * new_gap.rate > 0.0 or begin <= 0.0 or end > begin)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def unseen(contacts, gaps):
     """Return whether a pin is past its wall in flight, or off it in contact, by more than landing leaves."""
     for k in range(len(contacts)):
@@ -232,7 +232,7 @@ def land(run, step, end, event, taken):
 # -------------------------------------------------------------------------------------- the loop
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def chosen(run):
     """Return the step to try, and the contact that is released at its end, or -1."""
     contacts, gaps, now, control = run.contacts, run.old.gaps, run.clock[0], run.control[0]
@@ -244,13 +244,13 @@ def chosen(run):
     return step, releasing if step.end < now.end else -1
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def end_step(run, t):
     """Move the new state onto its constraints, and set its slope and its gaps; return whether it could."""
     return finish(run, t) and loop.set_gaps(run, t, NEW, run.new)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def tried(run, step):
     """Take a step; return its error over the tolerance, and the factor by which it changes."""
     contacts, control, duration = run.contacts, run.control[0], run.clock[0].tried
@@ -292,7 +292,7 @@ def cut(run, step, releasing):
     return step, event, place
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def accept(run, step, event, error, factor):
     """Move on to the end of a step, and choose the one after it."""
     now, control, contacts = run.clock[0], run.control[0], run.contacts
@@ -338,7 +338,7 @@ def go_on(run, event):
     return set_out(run)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def noise(contacts, gaps, control, h):
     """Return what round-off of positions alone makes of a step's error over the tolerance.
 
@@ -394,6 +394,6 @@ def advance_by_events(run):
 
 
 @compiled(**OPTIONS)
-def advance(run):
+def advance(parts):
     """Advance the motion as ``advance_by_events`` does."""
-    return advance_by_events(run)
+    return advance_by_events(run_of(parts))

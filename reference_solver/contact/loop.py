@@ -10,7 +10,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from reference_solver.contact import types
-from reference_solver.machine_code import OPTIONS, compiled
+from reference_solver.machine_code import OPTIONS, call, compiled
 
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -46,32 +46,32 @@ ASIDE_OF_PEAK = 0.1
 # ----------------------------------------------------------------------- calls of the kernel
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def address(run, row):
     """Return the address of a row of slopes, or of a state."""
     return run.clock[0].rows + (row if row >= 0 else row + len(run.slopes)) * run.clock[0].width
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def set_slopes(run, t, of, row):
     """Set a row to the slopes at a state; return the condition."""
     now = run.clock[0]
-    return run.kernel.rates(now.p, now.contacts, t, address(run, of), address(run, row))
+    return call(now.rates, now.p, now.contacts, t, address(run, of), address(run, row))
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def set_gaps(run, t, of, motion):
     """Set the gaps of a state, that in row ``of``; return whether it could."""
     now, state = run.clock[0], address(run, of)
-    return run.kernel.gaps(now.p, now.contacts, t, state, state + 8 * len(motion.y)) < np.inf
+    return call(now.gaps, now.p, now.contacts, t, state, state + 8 * len(motion.y)) < np.inf
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def take_step(run, h):
     """Take a step of h from ``old`` to ``new``; return its condition, infinite on failure."""
     now = run.clock[0]
     run.slopes[types.OLD, now.place_of_h] = h
-    return run.kernel.step(now.p, now.contacts, now.time, address(run, types.OLD), address(run, types.NEW))
+    return call(now.step, now.p, now.contacts, now.time, address(run, types.OLD), address(run, types.NEW))
 
 
 # ---------------------------------------------------------------------------------------- events
@@ -234,13 +234,13 @@ def probe(run):
     contacts, looked_up = run.contacts, run.slopes[types.SPARE]
     now = run.clock[0]
     old, out = address(run, types.OLD), address(run, types.SPARE)
-    run.kernel.mobilities(now.p, now.contacts, now.time, old, out)
+    call(now.mobilities, now.p, now.contacts, now.time, old, out)
     for k in range(len(contacts)):
         contacts[k].mobility, contacts[k].sliding = looked_up[3 * k], looked_up[3 * k + 1]
         contacts[k].following = looked_up[3 * k + 2]
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def probe_now_and_then(run):
     """Look up the mobilities where a contact has lasted for some steps: its bodies have turned."""
     closed = False
@@ -307,7 +307,7 @@ def in_flight(contacts, gaps, h, part):
     return h
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def step_length(contacts, gaps, now):
     """Return the longest step that the phases allow.
 
@@ -342,7 +342,7 @@ def step_length(contacts, gaps, now):
     return h
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def to_knot(run, h, curved, short):
     """Return a step, h at most, that ends near the next knot of a load by a body's angle, if it gets there.
 
@@ -366,7 +366,7 @@ def to_knot(run, h, curved, short):
     return h
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def to_kink(run, h, most, short):
     """Return the step, ``most`` at most, in place of one of h that has passed a kink, or come near to one.
 
@@ -444,7 +444,7 @@ def write(run, t, of, motion):
     now, samples, contacts = run.clock[0], run.records.samples, run.contacts
     row, phases = now.taken, samples.shape[1] - 2 * len(contacts)
     out = now.samples + row * now.sample_width + 8 * len(motion.y)
-    condition = run.kernel.forces(now.p, now.contacts, t, address(run, of), out)
+    condition = call(now.forces, now.p, now.contacts, t, address(run, of), out)
     now.least = min(now.least, condition)
     for c in range(len(motion.y)):
         samples[row, c] = motion.y[c]
@@ -571,7 +571,7 @@ def force_on(run, h, x, k):
     return keep_largest(run.contacts[k], run.at.gaps[k], run.clock[0].time + x * h)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def note_largest(run, h, slopes_known):
     """Note the largest normal forces and penetrations of the compliant contacts in a step of h.
 
@@ -615,7 +615,7 @@ def finite(gaps):
     return np.isfinite(total)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def take(old, new):
     """Move the state on to ``new``, whose sums are those of the step alone."""
     for c in range(len(old.y)):
@@ -624,7 +624,7 @@ def take(old, new):
         old.gaps[k] = new.gaps[k]
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def suspicious(contacts, gaps, new_gaps):
     """Return whether an event may lie within a step: an alarm has gone off, or a pin has turned back."""
     for k in range(len(contacts)):
@@ -666,7 +666,7 @@ def close_at_start(run):
             note(run, 2 * k)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def write_due(run):
     """Write the samples of the present time; return whether it could."""
     now, times, ok = run.clock[0], run.records.time, True
@@ -695,7 +695,7 @@ def rubs(contacts):
     return False
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def settled(now, contacts, moved):
     """Have all contacts take part again, once time has moved on since an event on a rigid wall."""
     if now.rigid >= 0 and moved:
@@ -787,9 +787,9 @@ def advance_by_events(run):
 
 
 @compiled(**OPTIONS)
-def advance(run):
+def advance(parts):
     """Advance the motion as ``advance_by_events`` does."""
-    return advance_by_events(run)
+    return advance_by_events(types.run_of(parts))
 
 
 @register_jitable(**INNER)
@@ -805,11 +805,12 @@ def move_on(run):
 
 
 @compiled(**OPTIONS)
-def advance_equally(run):
+def advance_equally(parts):
     """Advance a run without events by equal steps, of which samples are multiples; return how that ended.
 
     A step whose stages come too near to a singular position is taken in unequal parts.
     """
+    run = types.run_of(parts)
     now, times, h = run.clock[0], run.records.time, run.clock[0].longest
     while now.taken < len(times):
         due = round(times[now.taken] / h)

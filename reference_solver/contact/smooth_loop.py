@@ -9,7 +9,7 @@ from numba.extending import register_jitable
 
 from reference_solver.contact import controlled_step, loop
 from reference_solver.contact.controlled_step import Course
-from reference_solver.contact.types import FAILED, GO
+from reference_solver.contact.types import FAILED, GO, run_of
 from reference_solver.machine_code import OPTIONS, compiled
 
 
@@ -21,8 +21,9 @@ def tried(run, step):
 
 
 @compiled(**OPTIONS)
-def advance(run):
+def advance(parts):
     """Advance the motion in place, as ``contact.loop.advance`` does, with error control."""
+    run = run_of(parts)
     now, control = run.clock[0], run.control[0]
     status = GO if now.resumed else controlled_step.set_out(run)
     while status == GO:

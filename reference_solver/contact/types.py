@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
 from reference_solver.methods import Tableau, dop853, tableau
 from reference_solver.tape import FloatArray, RecordArray
@@ -55,11 +56,12 @@ EVENT_RECORD = record("time_s rate depth force force_s deepest deepest_s", "cont
 #: and whether it goes on where its last call ended, as if that had not: slopes at the start of a step are
 #: known then, and differ by round-off from such anew; and what the kernel's functions are called with:
 #: addresses of its numbers, of contacts, rows, ``old`` among them, and samples, how long these are in bytes,
-#: and where a state has the length of a step.
+#: and where a state has the length of a step; and the functions themselves.
 CLOCK_RECORD = record(
     "time lost longest per_contact tried end condition least interval",
     "landed located events taken steps budget rigid resumed "
-    "p contacts rows width old samples sample_width place_of_h",
+    "p contacts rows width old samples sample_width place_of_h "
+    "rates forces project gaps mobilities step",
 )
 
 #: Error control: tolerance, the mechanism's length in m and its rate in 1/s, the next step and that of the
@@ -142,15 +144,14 @@ class Records(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What a loop works on: a mechanism's kernel, contacts (K,), the state, and records.
+    """What a loop works on: a method, contacts (K,), the state, and records.
 
     ``new`` is the state at the end of a step, ``at`` one within it. Rows of ``slopes`` have rates of y; the
     last ones are ``OLD`` to ``AT``, the memory of these states, and ``START`` to ``SPARE``.
-    ``control`` (1,) is error control, by a ``method``, ``clock`` (1,) where the run is, ``knots`` are angles
+    ``control`` (1,) is error control, ``clock`` (1,) where the run is, ``knots`` are angles
     of bodies at which steps are to end.
     """
 
-    kernel: Any
     method: Tableau
     contacts: RecordArray
     old: Motion
@@ -196,9 +197,32 @@ def new_run(
     records = Records(*log, times, np.zeros((len(times), size + multipliers + 4 * K)))
     control, clock = np.zeros(1, CONTROL_RECORD), np.zeros(1, CLOCK_RECORD)
     where = np.array(list(knots), KNOT_RECORD)
-    clock["p"], clock["contacts"], clock["place_of_h"] = kernel.p, contacts.ctypes.data, size + gaps
+    clock["contacts"], clock["place_of_h"] = contacts.ctypes.data, size + gaps
     clock["rows"], clock["width"] = slopes.ctypes.data, slopes.strides[0]
     clock["old"] = slopes[OLD].ctypes.data
     clock["samples"], clock["sample_width"] = records.samples.ctypes.data, records.samples.strides[0]
     method = tableau(kernel.topology.method)
-    return Run(kernel.functions, method, contacts, old, new, at, slopes, control, clock, records, where)
+    run = Run(method, contacts, old, new, at, slopes, control, clock, records, where)
+    kernel.bind(run)
+    return run
+
+
+def plain(parts: Any) -> Any:
+    """Return tuples of arrays without the names of their fields: Numba knows the types of these at once."""
+    return tuple(map(plain, parts)) if isinstance(parts, tuple) else parts
+
+
+@register_jitable
+def run_of(parts: Any) -> Run:
+    """Return the run that plain tuples are."""
+    method, contacts, old, new, at, slopes, control, clock, records, knots = parts
+    tableau = Tableau(method[0], method[1], method[2], method[3], method[4], method[5])
+    states = motion_of(old), motion_of(new), motion_of(at)
+    written = Records(records[0], records[1], records[2], records[3])
+    return Run(tableau, contacts, states[0], states[1], states[2], slopes, control, clock, written, knots)
+
+
+@register_jitable
+def motion_of(parts: Any) -> Motion:
+    """Return the state that a plain tuple is."""
+    return Motion(parts[0], parts[1], parts[2])

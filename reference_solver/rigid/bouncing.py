@@ -27,10 +27,11 @@ class Bouncing:
         (joints,), (rows, n) = walls.joints.shape, walls.rows.shape
         control = np.zeros(1, CONTROL_RECORD)
         control["shortest_s"], control["lowest"], control["stale"] = shortest_s, lowest, 1
-        control["p"], control["numbers"] = kernel.p, walls.numbers.ctypes.data
+        control["look"], control["p"] = kernel["walls"].address, kernel.p
+        control["numbers"] = walls.numbers.ctypes.data
         log = np.zeros(LOG_ROWS + settling.ROWS_OF_EVENT * joints, IMPACT_RECORD)
         memory = np.zeros(rows, np.int64), np.zeros((settling.ROWS, n)), np.zeros((joints, joints))
-        self.settling = Settling(kernel["walls"], walls, new_hit(joints, rows), control, log, *memory)
+        self.settling = Settling(walls, new_hit(joints, rows), control, log, *memory)
         self.following: tuple[int, ...] = ()
         self.impacts, self.changes = list[types.Impact](), list[ModeChange]()
         self._equations = equations

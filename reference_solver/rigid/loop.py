@@ -15,11 +15,14 @@ EVENTS_AT_ONCE = 20
 def bounce(advance, run, s):
     """Advance a run in place, as its loop does, and settle the events on rigid walls.
 
-    It comes back with SETTLE where other pins follow from now on, or the log is full; with REFUSED where an
+    Where it is to settle ``alone`` it does that and comes back. Else it comes back with SETTLE where other pins follow from now on, or the log is full; with REFUSED where an
     event has no answer.
     """
     control, now, contacts = s.control[0], run.clock[0], run.contacts
     most, room = EVENTS_AT_ONCE * len(contacts), len(s.log) - settling.ROWS_OF_EVENT * len(s.walls.joints)
+    if control.alone != 0:
+        control.alone = 0
+        return settling.settle(contacts, run.clock, run.old, s)
     if control.stale != 0:
         loop.set_gaps(run, now.time, types.OLD, run.old)
         control.stale = 0
@@ -43,12 +46,12 @@ def bounce(advance, run, s):
 
 
 @compiled(**OPTIONS)
-def bounce_by_steps(run, s):
+def bounce_by_steps(parts, settling_parts):
     """Advance a run of RK4 (see ``bounce``)."""
-    return bounce(loop.advance_by_events, run, s)
+    return bounce(loop.advance_by_events, types.run_of(parts), settling.settling_of(settling_parts))
 
 
 @compiled(**OPTIONS)
-def bounce_by_error(run, s):
+def bounce_by_error(parts, settling_parts):
     """Advance a run with error control (see ``bounce``)."""
-    return bounce(adaptive_loop.advance_by_events, run, s)
+    return bounce(adaptive_loop.advance_by_events, types.run_of(parts), settling.settling_of(settling_parts))

@@ -28,7 +28,7 @@ from numba.extending import register_jitable
 from reference_solver.contact import types
 from reference_solver.contact.loop import INNER
 from reference_solver.contact.wall_friction import LEAST_MOBILITY
-from reference_solver.machine_code import OPTIONS, compiled
+from reference_solver.machine_code import call
 from reference_solver.rigid import complementarity
 from reference_solver.rigid.impact import Hit, find_impulses
 from reference_solver.rigid.walls import Walls
@@ -55,20 +55,19 @@ ROWS = 6
 
 #: A flight shorter than so many seconds, or no higher than ``lowest`` times the distance's round-off, is not
 #: followed; half of that tells pins that touch at one time from others. The rest counts: impacts in the log,
-#: events settled, and those at one time; why there is no way on; whether gaps are of another kernel; and the
-#: addresses of what ``look`` is called with.
-CONTROL_RECORD = types.record("shortest_s lowest", "logged settled at_once fault stale p numbers")
+#: events settled, and those at one time; why there is no way on; whether gaps are of another kernel, and
+#: whether a call is to settle alone; the addresses of what looks at the walls, of a kernel without pins that follow, and of what it is called with.
+CONTROL_RECORD = types.record("shortest_s lowest", "logged settled at_once fault stale alone look p numbers")
 #: An impact in the log (see ``contact.types.Impact``).
 IMPACT_RECORD = types.record("time_s approach normal tangential lost mass", "contact kind")
 
 
 class Settling(NamedTuple):
-    """What pins settle by: what looks at the walls, a function of a kernel without following pins; memory.
+    """What pins settle by: the walls, and memory.
 
     ``active`` (S,) are rows of the walls, ``vectors`` have n places each, ``plain`` (R, R) is a matrix.
     """
 
-    look: Any
     walls: Walls
     hit: Hit
     control: RecordArray
@@ -76,6 +75,16 @@ class Settling(NamedTuple):
     active: Any
     vectors: FloatArray
     plain: FloatArray
+
+
+@register_jitable
+def settling_of(parts):
+    """Return what pins settle by, of plain tuples (see ``contact.types.plain``)."""
+    (numbers, of_joints, rows, motion, mobility, drivers, free, joints), of_hit = parts[0], parts[1]
+    walls = Walls(numbers, of_joints, rows, motion, mobility, drivers, free, joints)
+    W, u, restitution, friction, tangent, impulse, rubbed, trial, after, room = of_hit
+    hit = Hit(W, u, restitution, friction, tangent, impulse, rubbed, trial, after, room)
+    return Settling(walls, hit, parts[2], parts[3], parts[4], parts[5], parts[6])
 
 
 @register_jitable(**INNER)
@@ -92,7 +101,7 @@ def look(clock, s):
     The round-off of speeds that have come out of faster ones is that of the fastest.
     """
     now, control = clock[0], s.control[0]
-    if not s.look(control.p, now.contacts, now.time, now.old, control.numbers) < np.inf:
+    if not call(control.look, control.p, now.contacts, now.time, now.old, control.numbers) < np.inf:
         return refuse(s, SINGULAR)
     for j in range(len(s.walls.joints)):
         joint, at = s.walls.joints[j], s.walls.of_joints[j]
@@ -479,9 +488,3 @@ def settle(contacts, clock, state, s):
         if joint.contact == touched and released < 0 and turns == 0 and phase == types.FLIGHT:
             contact.ignored = 1.0
     return status
-
-
-@compiled(**OPTIONS)
-def settle_once(contacts, clock, state, s):
-    """Let pins hit, follow or leave as ``settle`` does."""
-    return settle(contacts, clock, state, s)
