@@ -296,6 +296,11 @@ class Kernel:
         gaps = y[len(run.old.y) :]
         self["gaps"](self.p, run.contacts.ctypes.data, float(now["time"]), y, gaps)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The functions' names."""
+        return tuple(self._by_name)
+
     def __getitem__(self, name: str) -> Function:
         """Return a function by its name."""
         return self._by_name[name]

@@ -25,8 +25,8 @@ import llvmlite.binding as llvm
 import numba
 import numpy as np
 from llvmlite import ir
+from numba import float64, int64
 from numba.extending import intrinsic
-from numba.types import float64, int64
 
 from reference_solver.kept_files import FolderRefused, private_folder, read_kept, write_kept
 from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value, needs_of

@@ -242,7 +242,18 @@ class Solver:
             return partial(bounce, parts, types.plain(bouncing.settling))
         if controlled:
             return partial(adaptive_loop.advance if self._joints else smooth_loop.advance, parts)
-        return partial(loop.advance if kernel.topology.by_events else loop.advance_equally, parts)
+        if kernel.topology.by_events:
+            return partial(loop.advance, parts)
+
+        def advance() -> int:
+            from reference_solver.crossing import crossed
+
+            status = loop.advance_equally(parts)
+            while status == types.FAILED and crossed(kernel, run, float(run.clock["longest"][0])):
+                status = loop.advance_equally(parts)
+            return status
+
+        return advance
 
     def run(
         self,

@@ -806,33 +806,35 @@ def move_on(run):
 
 @compiled(**OPTIONS)
 def advance_equally(parts):
-    """Advance a run without events by equal steps, of which samples are multiples; return how that ended.
-
-    A step whose stages come too near to a singular position is taken in unequal parts.
-    """
+    """Advance a run without events by equal steps, of which samples are multiples; return how that ended."""
     run = types.run_of(parts)
     now, times, h = run.clock[0], run.records.time, run.clock[0].longest
+    now.tried = h
     while now.taken < len(times):
         due = round(times[now.taken] / h)
         while now.steps < due:
+            now.time = now.steps * h
             if now.steps >= now.budget:
                 return types.SPENT
-            now.time, left = now.steps * h, h
-            while left > 0.0:
-                now.tried = left
-                condition = take_step(run, left)
-                for _ in range(SHORTENED):
-                    if condition < np.inf:
-                        break
-                    now.tried = ASIDE * now.tried
-                    condition = take_step(run, now.tried)
-                if not condition < np.inf:
-                    return types.FAILED
-                now.condition = max(now.condition, condition)
-                move_on(run)
-                now.time, left = now.time + now.tried, left - now.tried
+            condition = take_step(run, h)
+            if not condition < np.inf:
+                return types.FAILED
+            now.condition = max(now.condition, condition)
+            move_on(run)
             now.steps += 1
         now.time = now.steps * h
         if not write(run, times[now.taken], types.OLD, run.old):
             return types.FAILED
     return types.DONE
+
+
+@compiled(**OPTIONS)
+def write_within(parts, h):
+    """Write the samples before the end of a step of h that has been taken; return whether it could."""
+    run = types.run_of(parts)
+    times = run.records.time
+    return (
+        run.clock[0].taken == len(times)
+        or times[run.clock[0].taken] >= run.clock[0].time + h
+        or within(run, h)
+    )

@@ -15,8 +15,8 @@ EVENTS_AT_ONCE = 20
 def bounce(advance, run, s):
     """Advance a run in place, as its loop does, and settle the events on rigid walls.
 
-    Where it is to settle ``alone`` it does that and comes back. Else it comes back with SETTLE where other pins follow from now on, or the log is full; with REFUSED where an
-    event has no answer.
+    Where it is to settle ``alone`` it comes back after that; else with SETTLE where other pins follow from
+    now on, or the log is full, and with REFUSED where an event has no answer.
     """
     control, now, contacts = s.control[0], run.clock[0], run.contacts
     most, room = EVENTS_AT_ONCE * len(contacts), len(s.log) - settling.ROWS_OF_EVENT * len(s.walls.joints)

@@ -56,7 +56,8 @@ ROWS = 6
 #: A flight shorter than so many seconds, or no higher than ``lowest`` times the distance's round-off, is not
 #: followed; half of that tells pins that touch at one time from others. The rest counts: impacts in the log,
 #: events settled, and those at one time; why there is no way on; whether gaps are of another kernel, and
-#: whether a call is to settle alone; the addresses of what looks at the walls, of a kernel without pins that follow, and of what it is called with.
+#: whether a call is to settle alone; the address of ``walls`` of a kernel without pins that follow, and of
+#: what it is called with.
 CONTROL_RECORD = types.record("shortest_s lowest", "logged settled at_once fault stale alone look p numbers")
 #: An impact in the log (see ``contact.types.Impact``).
 IMPACT_RECORD = types.record("time_s approach normal tangential lost mass", "contact kind")

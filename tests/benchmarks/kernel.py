@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from reference_solver.compiled.store import load_kernel
 
 from engine_models.scene.library import clearance_driven_05, ideal_driven
 from reference_solver.kernel import source_of
-from reference_solver.compiled.store import load_kernel
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solver import ErrorControl, Stabilisation, StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler

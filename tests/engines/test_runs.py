@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from reference_solver.compiled.store import kernel_folder, load_kernel
 
 from engine_models import memory
 from engine_models.convergence.own_uncertainty import simulate_with_uncertainty
@@ -26,7 +27,6 @@ from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp import calls as scipy_calls
-from reference_solver.compiled.store import kernel_folder, load_kernel
 from studies.command.progress_display import shown_progress
 from tests.engines.mechanism_texts import ENDS, TEXTS
 from tests.engines.mechanism_texts import scene as mechanism
