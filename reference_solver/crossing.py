@@ -67,14 +67,16 @@ def split(
         for _ in range(pieces):
             state = stepped(kernel, run, state, t, piece)
             t += piece
-    return state + 0.0 * stepped(kernel, run, state, t, h)
+    return np.asarray(state + 0.0 * stepped(kernel, run, state, t, h))
 
 
 def stepped(kernel: Kernel, run: Run, state: FloatArray, t: float, h: float) -> FloatArray:
     """Return the state after a step, NaN on failure."""
     (now,), sums = run.clock, slice(2 * run.old.n, len(run.old.y))
-    new = state.copy()
+    new: FloatArray = state.copy()
     state[now["place_of_h"]] = h
     condition = kernel["step"](kernel.p, int(now["contacts"]), t, state, new)
     new[sums] += state[sums]
-    return new if condition < np.inf else np.full_like(new, np.nan)
+    if not condition < np.inf:
+        new[:] = np.nan
+    return new

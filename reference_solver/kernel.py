@@ -165,8 +165,9 @@ def gaps(given: Given) -> list[Scalar]:
         powers, condition = answer.powers, answer.condition
     fields: list[Scalar] = []
     for k, joint in enumerate(given.equations.mechanism.contacts):
-        at = gap(joint, *given.phases[k], State(given.q, given.v), powers.get(f"normal{k}", 0.0))
-        fields += at.values()
+        phase, memory = given.phases[k]
+        pressing = powers.get(f"normal{k}", 0.0)
+        fields += gap(joint, phase, memory, State(given.q, given.v), pressing).values()
     return [*fields, condition]
 
 

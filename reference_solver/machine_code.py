@@ -27,6 +27,7 @@ import numpy as np
 from llvmlite import ir
 from numba import float64, int64
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 from reference_solver.kept_files import FolderRefused, private_folder, read_kept, write_kept
 from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value, needs_of
@@ -305,7 +306,7 @@ class Function:
         kinds = pointer, pointer, ctypes.c_double, pointer, pointer
         self._call = ctypes.CFUNCTYPE(ctypes.c_double, *kinds)(address)
 
-    def __call__(self, p: int, contacts: int, t: float, y: FloatArray, out: FloatArray) -> float:
+    def __call__(self, p: int, contacts: int, t: float, y: FloatArray, out: NDArray[Any]) -> float:
         """Return the condition; ``p`` and ``contacts`` are addresses, y and out contiguous arrays."""
         return float(self._call(p, contacts, t, y.ctypes.data, out.ctypes.data))
 

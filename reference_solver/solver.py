@@ -196,7 +196,8 @@ class Solver:
         contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
         sizes = len(q), len(self._names), len(self._equations.C)
         knots, kernel = self._mechanism.knots_by_angle, self._kernel(())
-        run = types.new_run(kernel, contacts, sizes, times, LOG_ROWS, knots)
+        run = types.new_run(self._method, contacts, sizes, times, LOG_ROWS, knots)
+        kernel.bind(run)
         run.old.q[:], run.old.v[:] = q, v
         set_out(run, self._mechanism, self._choice, kernel, end_time_s, interval_s)
         return run
@@ -221,12 +222,14 @@ class Solver:
         from reference_solver.rigid.bouncing import Bouncing
 
         lowest, shortest_s = self._choice.lowest_flight or LOWEST_FLIGHT, self._shortest_flight_s(run)
-        return Bouncing(self._equations, self._names, self._kernel(()), shortest_s, lowest)
+        kernel = self._kernel(())
+        look = kernel["walls"].address
+        return Bouncing(self._equations, self._names, look, kernel.p, shortest_s, lowest)
 
     def _settle(self, run: types.Run, bouncing: "Bouncing") -> int:
         """Settle an event on rigid walls, no pin following."""
         bouncing.settling.control["alone"] = 1
-        return self._loop(run, bouncing)()
+        return int(self._loop(run, bouncing)())
 
     def _loop(self, run: types.Run, bouncing: "Bouncing | None") -> Callable[[], int]:
         """Return what advances a run from its present state on: all that is timed of a run."""
@@ -248,9 +251,9 @@ class Solver:
         def advance() -> int:
             from reference_solver.crossing import crossed
 
-            status = loop.advance_equally(parts)
+            status = int(loop.advance_equally(parts))
             while status == types.FAILED and crossed(kernel, run, float(run.clock["longest"][0])):
-                status = loop.advance_equally(parts)
+                status = int(loop.advance_equally(parts))
             return status
 
         return advance

@@ -95,7 +95,7 @@ class Workspace:
         buffers = self._bodies, state, self._before, self._at, to_load, turn, given.held
         loads = given.lines, given.torques, given.springs, given.curves, given.pieces
         arguments = (self.run, *buffers, *loads, self._pins, self._kicks, turns, self.rows, self.out)
-        loop.advance.compile(tuple(map(typeof, arguments)))
+        loop.advance.compile(tuple(map(typeof, arguments)))  # type: ignore[attr-defined]
         started = perf_counter()
         loop.advance(*arguments)
         elapsed = perf_counter() - started

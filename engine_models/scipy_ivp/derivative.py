@@ -173,7 +173,7 @@ class Derivative:
     def gaps(self, y: FloatArray) -> NDArray[np.void]:
         """Return every contact's gap (K,), records of ``GAP_RECORD``."""
         self._kernel["gaps"](self._kernel.p, self._at, 0.0, np.ascontiguousarray(y), self._gaps)
-        return self._gaps.copy()
+        return np.array(self._gaps)
 
     def pressed(self, y: FloatArray) -> FloatArray:
         """Return every contact's normal force in N, in its present phase, and penetration, (K, 2)."""

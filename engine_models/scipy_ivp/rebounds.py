@@ -33,10 +33,11 @@ class Rebounds:
         equations, topology = Equations(mechanism, q_start), Topology(mechanism, projected=True)
         sums = [*equations.power_names, "removed"]
         self._kernel = Kernel(topology, q_start)
-        self._bouncing = Bouncing(equations, sums, self._kernel, 0.0, lowest)
+        self._bouncing = Bouncing(equations, sums, self._kernel["walls"].address, self._kernel.p, 0.0, lowest)
         contacts = np.array([contact_record(joint) for joint in mechanism.contacts], types.CONTACT_RECORD)
         sizes = len(q_start), len(sums), len(equations.C)
-        self._run = types.new_run(self._kernel, contacts, sizes, np.zeros(1), 1)
+        self._run = types.new_run(topology.method, contacts, sizes, np.zeros(1), 1)
+        self._kernel.bind(self._run)
 
     def __call__(self, t: float, q: FloatArray, v: FloatArray) -> Rebound:
         """Have the pins hit that fly and touch their walls at q and v, each (n,).

@@ -2,16 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
 
-from reference_solver.methods import Tableau, dop853, tableau
+from reference_solver.methods import Method, Tableau, dop853, tableau
 from reference_solver.tape import FloatArray, RecordArray
-
-if TYPE_CHECKING:
-    from reference_solver.kernel import Kernel
 
 #: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
 #: clipped because the law would pull.
@@ -167,27 +164,28 @@ class Run(NamedTuple):
 #: Rows of a run's slopes: those of stages, at the end, and what dense output takes beside them; 1 over the
 #: tolerances of y, 0 of the sums; at most so many coefficients of dense output; and from the end on states
 #: at a step's start, at its end and within it; slopes at both ends; and three numbers per contact.
-WEIGHT = dop853().embedded.slopes
-DENSE_ROW, DENSE_ROWS = WEIGHT + 1, 3 + len(dop853().embedded.dense)
+_LARGEST = tableau(dop853())
+WEIGHT = len(_LARGEST.nodes)
+DENSE_ROW, DENSE_ROWS = WEIGHT + 1, 3 + len(_LARGEST.dense)
 ROWS = DENSE_ROW + DENSE_ROWS + 6
 OLD, NEW, AT, START, END, SPARE = range(-6, 0)
 
 
 def new_run(
-    kernel: "Kernel",
+    method: Method,
     contacts: RecordArray,
     sizes: tuple[int, int, int],
     times: FloatArray,
     log_rows: int,
     knots: Sequence[tuple[float, float, int, int]] = (),
 ) -> Run:
-    """Return a run of zeros that calls a kernel.
+    """Return a run of zeros by a method; a kernel has to be bound to it.
 
     Sizes are the numbers of coordinates, sums and {lambda}; ``log_rows`` is that of events, ``knots`` are as
     in ``KNOT_RECORD``.
     """
     (n, sums, multipliers), K = sizes, len(contacts)
-    size, gaps = 2 * n + sums, len(GAP_RECORD) * K
+    size, gaps = 2 * n + sums, len(GAP_RECORD.names or ()) * K
     slopes = np.zeros((ROWS, max(size + gaps + 1 + 2 * n, 3 * K)))
     old, new, at = (
         Motion(n, slopes[row, :size], slopes[row, size : size + gaps].view(GAP_RECORD))
@@ -201,10 +199,7 @@ def new_run(
     clock["rows"], clock["width"] = slopes.ctypes.data, slopes.strides[0]
     clock["old"] = slopes[OLD].ctypes.data
     clock["samples"], clock["sample_width"] = records.samples.ctypes.data, records.samples.strides[0]
-    method = tableau(kernel.topology.method)
-    run = Run(method, contacts, old, new, at, slopes, control, clock, records, where)
-    kernel.bind(run)
-    return run
+    return Run(tableau(method), contacts, old, new, at, slopes, control, clock, records, where)
 
 
 def plain(parts: Any) -> Any:

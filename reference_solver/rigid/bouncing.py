@@ -5,7 +5,6 @@ import numpy as np
 from reference_solver import failures
 from reference_solver.contact import types
 from reference_solver.equations import Equations
-from reference_solver.kernel import Kernel
 from reference_solver.rigid import settling
 from reference_solver.rigid.impact import new_hit
 from reference_solver.rigid.settling import CONTROL_RECORD, IMPACT_RECORD, Settling
@@ -18,16 +17,19 @@ LOG_ROWS = 256
 
 
 class Bouncing:
-    """A run's events on rigid walls: those so far, and who follows."""
+    """A run's events on rigid walls: those so far, and who follows.
+
+    ``look`` is the address of ``walls`` of a kernel, ``p`` that of its numbers.
+    """
 
     def __init__(
-        self, equations: Equations, sums: list[str], kernel: Kernel, shortest_s: float, lowest: float
+        self, equations: Equations, sums: list[str], look: int, p: int, shortest_s: float, lowest: float
     ) -> None:
         walls = new_walls(equations.mechanism, sums)
         (joints,), (rows, n) = walls.joints.shape, walls.rows.shape
         control = np.zeros(1, CONTROL_RECORD)
         control["shortest_s"], control["lowest"], control["stale"] = shortest_s, lowest, 1
-        control["look"], control["p"] = kernel["walls"].address, kernel.p
+        control["look"], control["p"] = look, p
         control["numbers"] = walls.numbers.ctypes.data
         log = np.zeros(LOG_ROWS + settling.ROWS_OF_EVENT * joints, IMPACT_RECORD)
         memory = np.zeros(rows, np.int64), np.zeros((settling.ROWS, n)), np.zeros((joints, joints))

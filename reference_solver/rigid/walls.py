@@ -70,8 +70,10 @@ def new_walls(mechanism: Mechanism, sums: list[str]) -> Walls:
     shapes = (len(rigid), len(OF_WALL)), (row, n), (row, n), (row, row), (row,), (n,)
     ends = np.cumsum([np.prod(shape, dtype=int) for shape in shapes])
     numbers = np.zeros(ends[-1])
-    parts = (part.reshape(shape) for part, shape in zip(np.split(numbers, ends[:-1]), shapes, strict=True))
-    return Walls(numbers, *parts, joints)
+    parts: list[Any] = [
+        part.reshape(shape) for part, shape in zip(np.split(numbers, ends[:-1]), shapes, strict=True)
+    ]
+    return Walls._make([numbers, *parts, joints])
 
 
 def walls_at(

@@ -215,17 +215,19 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
 
     disc = Mechanism((Body(1.0, 1.0),), (), (), 0.0)
     kernel = Kernel(Topology(disc, method=dop853()), np.zeros(3))
-    run = new_run(kernel, np.zeros(0, CONTACT_RECORD), (3, 2, 0), np.zeros(0), 0)
+    run = new_run(dop853(), np.zeros(0, CONTACT_RECORD), (3, 2, 0), np.zeros(0), 0)
+    kernel.bind(run)
     run.slopes[WEIGHT, :6] = 1.0
     (now,) = run.clock
 
-    @ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_int64] * 2, ctypes.c_double, *[ctypes.c_int64] * 2)
     def rates(*given: Any) -> float:
         number = (given[-1] - now["rows"]) // now["width"]
         run.slopes[number, 0] = huge if number == row else 0.0
         return 1.0
 
-    now["rates"] = ctypes.cast(rates, ctypes.c_void_p).value
+    number = ctypes.c_int64
+    called = ctypes.CFUNCTYPE(ctypes.c_double, number, number, ctypes.c_double, number, number)(rates)
+    now["rates"] = ctypes.cast(called, ctypes.c_void_p).value
     tried = njit(lambda parts: trial(run_of(parts), Course(0.0, 0.0, 0.0), 1.0), error_model="numpy")
     assert tried(plain(run)) == np.inf
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import llvmlite.binding as llvm
 import numpy as np
 import pytest
 
@@ -41,14 +42,14 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def loaded(text: str = TEXT, factor: float = 2.0) -> bool:
     """Return whether a function's code was there before; either way it computes what it should."""
     made = []
-    real = machine_code.llvm.parse_assembly
+    real = llvm.parse_assembly
 
     def parse(text: str) -> object:
         made.extend([text] * bool(text))
         return real(text)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(machine_code.llvm, "parse_assembly", parse)
+        patch.setattr(llvm, "parse_assembly", parse)
         function = machine_code.compile_text(text, ["scaled"])["scaled"]
     p, y, out = np.array([factor]), np.array([21.0]), np.zeros(1)
     assert function(p.ctypes.data, 0, 0.0, y, out) == 1.0
