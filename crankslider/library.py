@@ -153,7 +153,7 @@ def simulate(
     """
     from engine_models.convergence.doubts import doubts  # loads the compiler, which takes a second
     from engine_models.convergence.step_halving import simulate_to_tolerance
-    from engine_models.kernels import KernelsRefused
+    from engine_models.kernels import FolderRefused
 
     physics = read_scene(scene, end=end)
     chosen = read_engine(engine, settings or {}, tolerance is not None)
@@ -169,7 +169,7 @@ def simulate(
             else:
                 run = simulate_to_tolerance(chosen, physics, tolerance, samples)
             warnings = tuple(doubts(chosen, physics, run, tolerance is not None))
-    except (UnsupportedScene, KernelsRefused) as reason:
+    except (UnsupportedScene, FolderRefused) as reason:
         raise _refused(reason) from None
     except SimulationFailed as reason:
         raise Failed(str(reason)) from None

@@ -26,7 +26,7 @@ OF_TRUTH = (
     "engine_models.scene.",
     "engine_models.engine.",
     "reference_solver.mechanism.data.",
-    "reference_solver.compiled.store",
+    "reference_solver.machine_code",
     "studies.truth",
 )
 FILES = [

@@ -51,7 +51,7 @@ def real_columns() -> frozenset[str]:
     """Return the columns of short runs of all kinds of scenes."""
     made = [cs.scenes[name].replace(changes) for name, changes in SCENES.items()]
     made += [cs.scenes["ideal-free"].replace("load.slider", LOADED)]
-    engine, columns = make_engine("reference", kernel="readable"), set[str]()
+    engine, columns = make_engine("reference"), set[str]()
     for scene in made:
         short = scene.replace("end_time_s", END_S)
         columns |= sample_columns(short, engine.simulate(short, RunSettings(STEP_S, 2))).keys()
