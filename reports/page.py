@@ -247,7 +247,7 @@ def _read(folder: Path, chapters: Iterable[Chapter]) -> tuple[dict[str, Results]
             missing.append(study)
     if not studies:
         raise NoResults(
-            f"--results: expected the results of a study, got none in {folder}: `crankslider run` makes some"
+            f"results: expected the results of a study, got none in {folder}: `crankslider run` makes some"
         )
     return studies, missing
 

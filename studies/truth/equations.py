@@ -18,7 +18,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.truth import kinematics, machine, physics, record, tables, tree
 from studies.truth.kinematics import factor, make_rows, move, solve
 from studies.truth.machine import bare, within
 from studies.truth.physics import (
@@ -47,8 +46,6 @@ from studies.truth.record import OF_JOINT, OF_TOLD, Mechanism, Packed, parts
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-#: Modules whose text the machine code has taken over.
-COMPILED_WITH = (machine, tables, physics, tree, kinematics, record)
 #: Columns of a joint's phase: what its contact is, its a/v0 while it touches, and the piece of its friction.
 #: Rows behind the joints' are of tables that go by the state, whose PIECE is the one that they are in.
 CONTACT, MEMORY, PIECE = range(3)

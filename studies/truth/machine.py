@@ -1,26 +1,27 @@
 """Machine code that neither allocates nor counts references, which would cost more than the arithmetic."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
-from reference_solver.compiled.store import njit
+import numba
 
+njit: Any = numba.njit
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def bare(function: F) -> F:
     """Compile a function when it is first called."""
-    return njit(error_model="numpy", _nrt=False)(function)
+    return cast(F, njit(error_model="numpy", _nrt=False)(function))
 
 
 def within(function: F) -> F:
     """Compile a function as a part of those that call it: its arguments are many."""
-    return njit(error_model="numpy", _nrt=False, forceinline=True)(function)
+    return cast(F, njit(error_model="numpy", _nrt=False, forceinline=True)(function))
 
 
 def allocating(function: F) -> F:
     """Compile a function that allocates."""
-    return njit(error_model="numpy")(function)
+    return cast(F, njit(error_model="numpy")(function))
 
 
 def interpreted(function: F) -> F:

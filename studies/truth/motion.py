@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from engine_models.engine import ImpossibleStart
 from engine_models.scene.parts import AnyScene
-from reference_solver.compiled import store
+from reference_solver.machine_code import code_folder
 from reference_solver.mechanism.data import Guide, MechanismData, Pin
-from studies.truth import equations, kinematics, machine, physics, record, stepping, switches, tables, tree
+from studies.truth import equations, kinematics, machine, stepping
 from studies.truth.equations import (
     CONTACT,
     FOLLOWS,
@@ -50,8 +50,6 @@ from studies.truth.switches import LEFT, ROOM, first_switch, piece_of, signal, s
 from studies.truth.tables import piece_at
 
 FloatArray = NDArray[np.float64]
-#: Modules whose text the machine code has taken over.
-COMPILED_WITH = (machine, tables, physics, tree, kinematics, record, equations, stepping, switches)
 #: Room that the error is given when a step is chosen, and bounds of what it changes by.
 SAFETY, LEAST, MOST = 0.8, 0.1, 4.0
 #: Part of its clearance that a pin moves in a step, and an angle in rad.
@@ -126,8 +124,8 @@ class Motion:
         self.z[: self.size], self.z[self.size : self.time] = self.built.u, self.built.v
         self.phases = np.zeros((self.joints + len(m.kinks), 3))
         self._set_scales(scene, start)
-        self.problem = Problem(method, _argument(rates), self.packed, self.phases, self.scale)
-        self.step = _argument(step)
+        self.problem = Problem(method, rates, self.packed, self.phases, self.scale)
+        self.step = step
         self.clock = np.array([self.begin_s, 0.0, 0.0, 0.0, 0.0])
         self.stops_s = stops_s(m.drive, m.loads, m.tables)
         for k, (number, x, is_rate, phase) in enumerate(m.kinks.tolist()):
@@ -310,12 +308,6 @@ def _entry(function: Any) -> Any:
     return overload.entry_point
 
 
-def _argument(function: Any) -> Any:
-    """Return machine code as an argument of other machine code, whose type Numba knows without a look."""
-    (signature,) = function.nopython_signatures
-    return store.Callee(function, signature)
-
-
 @cache
 def compiled(function: Any, method: Any, data: Any) -> Any:
     """Return a function as machine code; the larger ones know of each other no more than types.
@@ -335,8 +327,9 @@ def compiled(function: Any, method: Any, data: Any) -> Any:
         advance: int64(FunctionType(step), *of, matrix, vector, *[float64] * 4),
     }
     allocates = function in (stepping.extrapolated, stepping.collocated)
-    keep = store.njit(signatures.get(function, step), cache=True, error_model="numpy", _nrt=allocates)
-    return keep(interpreted(function))
+    with code_folder(interpreted(function)) as kept:
+        keep = machine.njit(signatures.get(function, step), cache=kept, error_model="numpy", _nrt=allocates)
+        return keep(interpreted(function))
 
 
 def look(p: Packed, z: FloatArray) -> None:

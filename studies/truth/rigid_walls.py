@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.truth import equations, kinematics, machine, physics, record, tables, tree
 from studies.truth.equations import (
     CONTACT,
     FLIGHT,
@@ -30,8 +29,6 @@ from studies.truth.record import OF_TOLD, Mechanism, Packed, parts
 from studies.truth.switches import piece_of
 
 FloatArray = NDArray[np.float64]
-#: Modules whose text the machine code has taken over.
-COMPILED_WITH = (machine, tables, physics, tree, kinematics, record, equations)
 #: A part of the largest speed: a pin that moves no faster along the normal has not left its wall.
 RESTING = 1e-12
 #: The part of the time within which a pin hits at the same instant as another.

@@ -14,14 +14,11 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from studies.truth import equations, kinematics, machine, physics, record, tables, tree
 from studies.truth.machine import allocating
 from studies.truth.record import Packed, moving
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-#: Modules whose text the machine code has taken over.
-COMPILED_WITH = (machine, tables, physics, tree, kinematics, record, equations)
 #: Columns of the extrapolation: the midpoint rule in 2, 4, ... 2 COLUMNS parts.
 COLUMNS = 7
 #: Most iterations of Newton's method in a step, and where they end: parts of the speeds' scale.

@@ -159,7 +159,7 @@ def test_the_page_of_the_quick_set_is_short(report: Path) -> None:
 
 
 def test_no_results_is_said_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(NoResults, match=r"^--results: expected the results of a study, got none in "):
+    with pytest.raises(NoResults, match=r"^results: expected the results of a study, got none in "):
         write_report(tmp_path / "nowhere", tmp_path / "out" / "report")
     assert list(tmp_path.iterdir()) == []
 
