@@ -217,14 +217,6 @@ def span(values: Iterable[float], form: str = "") -> str:
     return " to ".join(dict.fromkeys(texts)) or ABSENT
 
 
-def error(value: float, uncertainty: float = math.nan) -> str:
-    """Return an error with two significant digits, never with digits below the reference's uncertainty.
-
-    An error below the uncertainty u is shown as ``< u``; NaN as a dash.
-    """
-    return f"< {number(uncertainty)}" if value < uncertainty else number(value)
-
-
 def listed(parts: Iterable[str]) -> str:
     """Return parts as a list in a sentence: a, b and c."""
     *most, last = parts

@@ -181,7 +181,7 @@ def _longest_s(scene: AnyScene, arm: Arm) -> float:
 
 def turns_of(scene: AnyScene) -> float:
     """Return how often the crank, or what turns, may turn round by its fastest speed; once at least."""
-    return max(1.0, scene.end_time_s * _fastest_rad_s(scene) / (2 * np.pi))
+    return max(1.0, scene.end_time_s * np.abs(speeds_rad_s(scene)).max() / (2 * np.pi))
 
 
 def speeds_rad_s(scene: AnyScene) -> FloatArray:
@@ -198,15 +198,10 @@ def speeds_rad_s(scene: AnyScene) -> FloatArray:
     return np.abs(spins).max(axis=1) if scene.turning_body is None else spins[:, scene.turning_body]
 
 
-def _fastest_rad_s(scene: AnyScene) -> float:
-    return float(np.abs(speeds_rad_s(scene)).max())
-
-
 def contact_step_s(scene: AnyScene) -> float:
     """Return a step that just resolves contacts: three thousand a revolution."""
-    return 2 * np.pi / (3000 * max(_fastest_rad_s(scene), 20.0))
+    return 2 * np.pi / (3000 * max(float(np.abs(speeds_rad_s(scene)).max()), 20.0))
 
 
 def _between_rigid_walls(scene: AnyScene) -> bool:
-    """Return whether every joint with clearance has a rigid wall."""
     return all(room.law == "rigid" for room in scene.clearances.values())

@@ -52,9 +52,9 @@ CLEARANCE_M = 5e-4
 STIFFNESS_FACTORS, MORE_FACTORS = (1.0, 100.0, 1000.0), (0.1, 0.3, 3.0, 10.0, 30.0, 300.0)
 
 ACCURATE, INACCURATE, GROWING, DIVERGED = "accurate", "inaccurate", "energy-growing", "diverged"
-TIMED_OUT, REFUSED = "timed out", "refused"
+REFUSED = "refused"
 #: The verdicts; their places are the column ``verdict_severity``.
-VERDICTS = (ACCURATE, INACCURATE, GROWING, DIVERGED, TIMED_OUT, REFUSED)
+VERDICTS = (ACCURATE, INACCURATE, GROWING, DIVERGED, "timed out", REFUSED)
 #: What is accurate: the slider's error and the gaps of ideal joints in parts of the clearance, whose
 #: hundredth is a line's width in a picture of the pin's path; the energy balance residual in parts of the
 #: first impact's energy. Above that bound it is growth, as far below zero a loss. Its twentieth is what laws

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from reports.look import axis_label, error, line_styles, quantity
+from reports.look import axis_label, line_styles, quantity
 from reports.page import (
     HALF_WIDTH,
     MOST,
@@ -234,22 +234,6 @@ def test_a_cell_shows_a_number_with_what_belongs_to_it() -> None:
         "power": ["< 4e-09", "-2 ± 0.5", "3"],
     }
     assert table.markdown("time", "power").splitlines()[2] == r"| a\|b | < 5.0e-14 |"
-
-
-@pytest.mark.parametrize(
-    ("value", "uncertainty", "text"),
-    [
-        (1.2345e-6, 1e-13, "1.2e-06"),
-        (9.96e-4, math.nan, "1.0e-03"),
-        (4.9e-14, 5.02e-14, "< 5.0e-14"),
-        (6e-16, 6e-16, "6.0e-16"),
-        (math.nan, 1e-13, "–"),
-    ],
-)
-def test_errors_have_two_digits_and_none_below_the_uncertainty(
-    value: float, uncertainty: float, text: str
-) -> None:
-    assert error(value, uncertainty) == text
 
 
 @pytest.mark.parametrize(
