@@ -437,8 +437,8 @@ def _workers(jobs: int | None = None, scheduler: str | None = None) -> Iterator[
     from studies.workers import Pool
 
     try:
-        with writable_folder():
-            with Pool(jobs or os.cpu_count() or 1) if scheduler is None else Cluster(scheduler) as workers:
-                yield workers
+        workers = Cluster(scheduler) if scheduler is not None else Pool(jobs or os.cpu_count() or 1)
+        with writable_folder(), workers:
+            yield workers
     except FolderRefused as reason:
         raise BadInput(str(reason)) from None
