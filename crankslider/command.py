@@ -506,8 +506,13 @@ def report(
     quiet: Quiet = False,
 ) -> None:
     """Write the HTML page, its figures as SVG and its tables as CSV from results, and print the answer."""
-    from reports.page import compare_claims, read_claims, require_replaceable, write_report
-    from reports.parts import Contradiction
+    from reports.page import (
+        Contradiction,
+        compare_claims,
+        read_claims,
+        require_replaceable,
+        write_report,
+    )
     from studies.whole_file import require_folder, whole_folder
 
     try:

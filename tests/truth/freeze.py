@@ -19,7 +19,6 @@ from engine_models.mechanics.energy import kinetic_energy_J, potential_energy_J
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.parts import AnyScene
-from studies.clearance import END_S
 from studies.judges.converged_truth import (
     COLLOCATION,
     EXTRAPOLATION,
@@ -31,6 +30,7 @@ from studies.judges.converged_truth import (
 )
 from studies.judges.horizon import a_place_off
 from studies.judges.metrics import COVERAGE, ROUND_OFF
+from studies.settings import END_S
 from tests.engines.runs import impact_numbers, numbers
 
 #: The folders that decide: the commit is the last that changed one of them.
