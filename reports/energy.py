@@ -144,9 +144,11 @@ def _growth(results: Results, middle: pd.DataFrame) -> Figure | None:
     return Figure("energy-growth", title, caption, "energy", drawing, points(panels)) if drawing else None
 
 
-def dissipation(middle: pd.DataFrame) -> Table:
+def dissipation(middle: pd.DataFrame) -> Table | None:
     """Return the numerical dissipation by configuration and scene, of rows at the middle setting."""
     shown = finished(middle)
+    if shown.empty:
+        return None
     half_W = (shown["hidden_power_high_W"] - shown["hidden_power_low_W"]) / 2
     shown = shown.assign(label=shown["label"].astype(str), watts=-shown["hidden_power_W"], half=half_W)
     wide = shown.pivot_table(["watts", "half"], "label", "scene", aggfunc="first").reindex(
