@@ -25,7 +25,7 @@ from studies import clearance
 from studies.command.finished_run import Run
 from studies.command.options import SimulateOptions
 from studies.failures import BadInput, Failed
-from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, followed, solved, truth_by
+from studies.judges.converged_truth import INDEPENDENT, TRUE, converged, followed, solved, truth_by
 from studies.judges.metrics import COVERAGE
 
 #: Samples that are published, and digits: two more than the most accurate slider position has.
@@ -85,7 +85,7 @@ def true_run(scene: AnyScene, options: SimulateOptions) -> TrueRun:
     known, warnings = _until(truth, impacts, count), doubts_of_tables(scene)
     if count <= options.samples:
         warnings.append(f"two solutions diverge after t = {known.time_s[-1]:.6g} s; samples end there")
-    solver, certain = cast(Engine, COLLOCATION), max(COVERAGE * apart, resolution)
+    solver, certain = cast(Engine, TRUE), max(COVERAGE * apart, resolution)
     return TrueRun(scene, "truth", solver, None, known, tuple(warnings), certain, by)
 
 

@@ -8,6 +8,8 @@ import pytest
 
 from engine_models.engine import Contact, Impacts, Trajectory
 from engine_models.mechanics.samples import selected
+from engine_models.minimal.sharp import SharpSolver
+from engine_models.reference.engine import SHARPEST, ReferenceEngine
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
 from studies.extremes import ideal_motion
@@ -135,8 +137,9 @@ def test_the_first_repeat_that_parts_by_ten_nanometres_ends_the_comparison(
 
 
 def test_a_truth_and_what_tells_its_uncertainty_are_found_in_different_ways() -> None:
-    assert converged_truth.COLLOCATION.method != converged_truth.EXTRAPOLATION.method
-    assert converged_truth.EXTRAPOLATION.tolerance < converged_truth.COLLOCATION.tolerance
+    assert isinstance(converged_truth.TRUE, SharpSolver)
+    assert isinstance(converged_truth.CONFIRMING, ReferenceEngine)
+    assert converged_truth.CONFIRMING.step_tolerance == SHARPEST
 
 
 def test_an_error_of_the_gallery_is_the_largest_in_cranks() -> None:
