@@ -136,8 +136,8 @@ class LimitPosition(SimulationFailed):
 class Model:
     """y' = f(t, y), y = (q, v, sums), of a scene's mechanism, in the present phases of its contacts.
 
-    ``p`` has all numbers of the mechanism (see ``equations``), ``start`` (state,) is the state at t = 0,
-    and ``size`` 3b. ``sums`` are names of the sums, and ``parts`` of the parts of loads, a drive's torque included.
+    ``p`` has all numbers of the mechanism (see ``equations``), ``start`` (state,) is the state at t = 0, and
+    ``size`` 3b. ``sums`` names the sums, and ``parts`` the parts of loads, a drive's torque included.
 
     Raises:
         ImpossibleStart: joints do not close at the start, or there is none.

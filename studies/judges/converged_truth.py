@@ -1,7 +1,7 @@
 """The reference solution of any scene, with a repeat that tells how far, and until when, it can be followed.
 
 It is the independent solver's at its sharpest, and the reference's by DOP853 at its sharpest, by another
-formulation, confirms it, begun some units in the last place beside: their distance bounds the truth's error
+formulation, confirms it, begun some units in the last place to either side: their distance bounds its error
 (see ``metrics.COVERAGE``). Where the independent solver refuses, as where a pin follows a rigid wall or rubs
 on it, or loops are singular, the reference by two methods stands in. Scenes are followed up to the horizon,
 where repeats, or runs begun a hair beside, part. All are kept on disk (see ``run_cache``).
@@ -192,14 +192,15 @@ def _begins_and_ends_s(run: Trajectory, contact: Contact) -> FloatArray:
 
 def _solved(scene: AnyScene, whole: RunSettings) -> Solved:
     """Return what solves a scene, and its solution, at the times of a run in whole steps."""
-    beside = a_place_off(scene, PLACES)
+    beside, other = (a_place_off(scene, side * PLACES) for side in (1.0, -1.0))
     try:
-        runs, by = [kept_run(TRUE, scene, whole), kept_run(CONFIRMING, beside, whole)], INDEPENDENT
+        runs, by = [kept_run(TRUE, scene, whole)], INDEPENDENT
+        runs += [kept_run(CONFIRMING, begun, whole) for begun in (beside, other)]
     except LimitPosition:
         raise
     except (UnsupportedScene, SimulationFailed):
         runs, by = [kept_run(SHARP, scene, whole), kept_run(LESS_SHARP, beside, whole)], REFERENCE
-        runs.append(kept_run(RK4, beside, replace(whole, step_s=RK4_STEP_S)))
+        runs.append(kept_run(RK4, other, replace(whole, step_s=RK4_STEP_S)))
     truth, *repeats = (require_quality(scene, run) for run in runs)
     return Solved(truth, tuple(repeats), by)
 
