@@ -1,11 +1,11 @@
-"""The solver: consistent start, steps by one of the two faces, events on rigid walls, recording."""
+"""The solver: consistent start, steps by compiled loops, events on rigid walls, recording."""
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,19 +13,18 @@ from reference_solver import failures
 from reference_solver.checks import POSITIVE, is_count, is_number, require, require_positive, require_vector
 from reference_solver.contact import types
 from reference_solver.contact.walls import separation
-from reference_solver.equations import Baumgarte, Equations
+from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.guard import Guard
 from reference_solver.mechanism.contact_laws import RigidWall, steepest
 from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.mechanism.scales import Scales, scales_of
-from reference_solver.methods import RK4, dop853, dopri5
+from reference_solver.methods import RK4, dop853, dopri5, step
 from reference_solver.solution import Solution, columns_of, contact_impacts
 from reference_solver.tape import FloatArray, RecordArray
 
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
-    from reference_solver.compiled.faces import CompiledFace, ReadableFace
-    from reference_solver.compiled.kernel import Topology
+    from reference_solver.kernel import Kernel
     from reference_solver.rigid.bouncing import Bouncing
 
 
@@ -40,13 +39,11 @@ Tell = Callable[[float], None]
 
 #: Largest violation of the constraints accepted at t = 0 in m and rad, and, per unit of speed, in velocity.
 START_TOLERANCE = 1e-9
-#: Bodies up to which straight-line code is compiled, for a quarter of a minute (six seconds of 41); beyond
-#: them the readable face runs.
-LARGEST_COMPILED = 81
 #: Fewer steps do not follow a contact.
 FEWEST_STEPS_PER_CONTACT = 10.0
-#: Events per call of a face.
-LOG_ROWS = 256
+#: Events, and evaluations of {A} times coordinates, per call of a loop: a fraction of a second, to answer an
+#: interrupt.
+LOG_ROWS, CHUNK = 256, 8_000_000
 #: The first step by error control, as a part of the mechanism's own time, and the first of a contact, as a
 #: part of its duration; both are found anew from there.
 FIRST_STEP, FIRST_PART_OF_CONTACT = 1e-3, 0.02
@@ -120,7 +117,6 @@ def solve(
     samples: int,
     step: StepChoice | ErrorControl | float,
     stabilisation: Stabilisation = "projection",
-    compiled: bool = True,
 ) -> Solution:
     """Integrate from coordinates q and velocities v, each (3 x bodies,), and record ``samples + 1`` states.
 
@@ -138,7 +134,7 @@ def solve(
     choice = step if isinstance(step, StepChoice | ErrorControl) else StepChoice(step)
     q, v = (require_vector(name, x, 3 * len(mechanism.bodies)) for name, x in (("q", q), ("v", v)))
     check_start(mechanism, q, v)
-    return Solver(mechanism, q, choice, stabilisation, compiled).run(q, v, end_time_s, samples)
+    return Solver(mechanism, q, choice, stabilisation).run(q, v, end_time_s, samples)
 
 
 class Solver:
@@ -154,7 +150,6 @@ class Solver:
         q_start: FloatArray,
         choice: StepChoice | ErrorControl,
         stabilisation: Stabilisation = "projection",
-        compiled: bool = True,
     ) -> None:
         self._mechanism, self._choice, self._joints = mechanism, choice, mechanism.contacts
         valid = stabilisation in ("none", "projection") or isinstance(stabilisation, Baumgarte)
@@ -167,37 +162,32 @@ class Solver:
             )
         self._baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
         self._projected = stabilisation == "projection"
-        self._compiled = compiled and len(mechanism.bodies) <= LARGEST_COMPILED
         self._q_start = require_vector("q_start", q_start, 3 * len(mechanism.bodies))
         self._equations = Equations(mechanism, self._q_start, self._baumgarte)
         self._names = [*self._equations.power_names, "removed"]
         self._method = METHODS[choice.method]() if isinstance(choice, ErrorControl) else RK4
-        self._faces: dict[tuple[int, ...], CompiledFace | ReadableFace] = {}
+        self._kernels: dict[tuple[int, ...], Kernel] = {}
         self.steps = self.settled = 0
-        if self._compiled:  # or loaded, here and not in the run: a run of no length does it
-            run = self._new(self._q_start, np.zeros_like(self._q_start), np.zeros(1), 0.0, 1.0)
-            self._gaps(run)
-            bouncing = self._bouncing(run)
-            if bouncing is not None:
-                self._face(()).settle(run, bouncing.settling)
-            self._loop(run, bouncing)()
+        # Loops are compiled or loaded here and not in the run: a run of no length does it.
+        run = self._new(self._q_start, np.zeros_like(self._q_start), np.zeros(1), 0.0, 1.0)
+        self._gaps(run)
+        bouncing = self._bouncing(run)
+        if bouncing is not None:
+            self._settle(run, bouncing)
+        self._loop(run, bouncing)()
 
-    def _face(self, following: tuple[int, ...]) -> "CompiledFace | ReadableFace":
-        from reference_solver.compiled.faces import CompiledFace, ReadableFace
+    def _kernel(self, following: tuple[int, ...]) -> "Kernel":
+        from reference_solver.kernel import Kernel, Topology
 
-        if following not in self._faces:
-            kind = CompiledFace if self._compiled else ReadableFace
-            self._faces[following] = kind(self._topology(following), self._q_start)
-        return self._faces[following]
+        if following not in self._kernels:
+            topology = Topology(self._mechanism, self._baumgarte, self._projected, following, self._method)
+            self._kernels[following] = Kernel(topology, self._q_start)
+        return self._kernels[following]
 
-    def _chunk(self, following: tuple[int, ...]) -> int:
-        """Return the steps of one call."""
-        return 1 + self._face(following).chunk // (self._equations.n * len(self._method.weights))
-
-    def _topology(self, following: tuple[int, ...]) -> "Topology":
-        from reference_solver.compiled.kernel import Topology
-
-        return Topology(self._mechanism, self._baumgarte, self._projected, following, self._method)
+    @property
+    def _chunk(self) -> int:
+        """The steps of one call."""
+        return 1 + CHUNK // (self._equations.n * len(self._method.weights))
 
     def _new(
         self, q: FloatArray, v: FloatArray, times: FloatArray, end_time_s: float, interval_s: float
@@ -205,11 +195,12 @@ class Solver:
         """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
         contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
         sizes = len(q), len(self._names), len(self._equations.C)
-        knots, face = self._mechanism.knots_by_angle, self._face(())
-        run = types.new_run(contacts, sizes, times, face.rows, LOG_ROWS, knots)
+        knots, kernel = self._mechanism.knots_by_angle, self._kernel(())
+        run = types.new_run(self._method, contacts, sizes, times, LOG_ROWS, knots)
+        kernel.bind(run)
         run.old.q[:], run.old.v[:] = q, v
-        set_out(run, self._mechanism, self._choice, face.kernel, face.parameters, end_time_s, interval_s)
-        return face.bound(run)
+        set_out(run, self._mechanism, self._choice, kernel, end_time_s, interval_s)
+        return run
 
     def _shortest_flight_s(self, run: types.Run) -> float:
         """Return the flight between rigid walls that is not followed any more, if heights do not decide."""
@@ -222,9 +213,7 @@ class Solver:
 
     def _gaps(self, run: types.Run) -> None:
         """Set the contacts' gaps of a run's motion at its start."""
-        if self._joints:
-            face = self._face(())
-            face.kernel.gaps(face.parameters, run.contacts, 0.0, run.old)
+        self._kernel(()).set_gaps(run)
 
     def _bouncing(self, run: types.Run) -> "Bouncing | None":
         """Return the events on rigid walls of a run that is to begin; None without rigid walls."""
@@ -232,16 +221,42 @@ class Solver:
             return None
         from reference_solver.rigid.bouncing import Bouncing
 
-        face, lowest = self._face(()), self._choice.lowest_flight or LOWEST_FLIGHT
-        shortest_s = self._shortest_flight_s(run)
-        return Bouncing(self._equations, self._names, face.look(), face.parameters, shortest_s, lowest)
+        lowest, shortest_s = self._choice.lowest_flight or LOWEST_FLIGHT, self._shortest_flight_s(run)
+        kernel = self._kernel(())
+        look = kernel["walls"].address
+        return Bouncing(self._equations, self._names, look, kernel.p, shortest_s, lowest)
+
+    def _settle(self, run: types.Run, bouncing: "Bouncing") -> int:
+        """Settle an event on rigid walls, no pin following."""
+        bouncing.settling.control["alone"] = 1
+        return int(self._loop(run, bouncing)())
 
     def _loop(self, run: types.Run, bouncing: "Bouncing | None") -> Callable[[], int]:
         """Return what advances a run from its present state on: all that is timed of a run."""
-        face = self._face(() if bouncing is None else bouncing.following)
-        if bouncing is None:
-            return partial(face.advance, face.bound(run))
-        return partial(face.bounce, face.bound(run), bouncing.settling)
+        from reference_solver.contact import adaptive_loop, loop, smooth_loop
+
+        kernel = self._kernel(() if bouncing is None else bouncing.following)
+        kernel.bind(run)
+        parts, controlled = types.plain(run), isinstance(self._choice, ErrorControl)
+        if bouncing is not None:
+            from reference_solver.rigid.loop import bounce_by_error, bounce_by_steps
+
+            bounce = bounce_by_error if controlled else bounce_by_steps
+            return partial(bounce, parts, types.plain(bouncing.settling))
+        if controlled:
+            return partial(adaptive_loop.advance if self._joints else smooth_loop.advance, parts)
+        if kernel.topology.by_events:
+            return partial(loop.advance, parts)
+
+        def advance() -> int:
+            from reference_solver.crossing import crossed
+
+            status = int(loop.advance_equally(parts))
+            while status == types.FAILED and crossed(kernel, run, float(run.clock["longest"][0])):
+                status = int(loop.advance_equally(parts))
+            return status
+
+        return advance
 
     def run(
         self,
@@ -272,7 +287,7 @@ class Solver:
             self._settle_first(bouncing, run)
         while status != types.DONE:
             following = () if bouncing is None else bouncing.following
-            begin, chunk = float(now["time"]), self._chunk(following)
+            begin, chunk = float(now["time"]), self._chunk
             now["events"], now["budget"] = 0, now["steps"] + chunk
             advance = self._loop(run, bouncing)
             started = time.perf_counter()
@@ -308,21 +323,31 @@ class Solver:
         speed = np.maximum(gaps["rate"], contacts["slowest"])[closed]
         contacts["phase"][closed] = types.CONTACT
         contacts["memory"][closed] = contacts["factor"][closed] / speed
-        status = self._face(()).settle(run, bouncing.settling)
+        status = self._settle(run, bouncing)
         contacts["phase"][closed], contacts["memory"][closed] = types.FLIGHT, 0.0
         bouncing.take(run, status)
 
     def _refuse(self, following: tuple[int, ...], run: types.Run) -> None:
-        """Say why the step tried last could not be taken."""
-        from reference_solver.compiled.faces import ReadableFace, phases_of
+        """Say why the step tried last could not be taken, by the equations in numbers."""
+        t, h, (n, y, _) = float(run.clock["time"][0]), float(run.clock["tried"][0]), run.old
+        equations = Equations(self._mechanism, self._q_start, self._baumgarte, following)
+        phases = np.column_stack([run.contacts["phase"], run.contacts["memory"]])
+        q, v = y[:n], y[n : 2 * n]
 
-        motion, t, h = run.old, float(run.clock["time"][0]), float(run.clock["tried"][0])
-        readable = ReadableFace(self._topology(following), self._q_start)
+        def answer(t: float, q: FloatArray, v: FloatArray) -> Answer:
+            return equations.required(t, q, v, phases, h, self._method)
+
+        def project(t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, float, bool]:
+            *result, ok = equations.project(t, q, v, phases)
+            if not ok and np.isfinite(q).all():
+                equations.refuse_singular(t, q)
+            return (*result, ok)
+
         with np.errstate(all="ignore"):
             if isinstance(self._choice, ErrorControl):
-                readable.equations.required(t, motion.q, motion.v, phases_of(run.contacts))
+                equations.required(t, q, v, phases)
                 raise failures.StepsCollapsed(t, h)
-            after = readable.stepped(run.contacts, t, h, motion)
+            after = step(self._method, answer, project if self._projected else None, t, q, v, h)
         if np.isfinite(after.q).all() and np.isfinite(after.v).all() and not after.ok:
             raise failures.NearSingular(t, h, float(after.condition))
         raise failures.NonFiniteState(t + h, h)
@@ -355,20 +380,18 @@ def set_out(
     run: types.Run,
     mechanism: Mechanism,
     choice: StepChoice | ErrorControl,
-    kernel: Any,
-    parameters: FloatArray | None,
+    kernel: "Kernel",
     end_time_s: float,
     interval_s: float,
 ) -> None:
     """Set clock and control of a run of zeros whose motion and contacts are those of its start.
 
-    ``kernel`` with its ``parameters`` tells the accelerations there (see ``compiled.faces``). Steps of one
-    length land on multiples of ``interval_s``.
+    ``kernel`` tells the accelerations there. Steps of one length land on multiples of ``interval_s``.
     """
     (now,), (n, y, _) = run.clock, run.old
     now["longest"], now["end"], now["rigid"], now["condition"] = choice.longest_s, end_time_s, -1, 1.0
     now["least"] = np.inf
-    kernel.slopes(parameters, run.contacts, 0.0, types.START, 1.0, y, run.slopes)
+    kernel["rates"](kernel.p, run.contacts.ctypes.data, 0.0, y, run.slopes[types.START])
     a = run.slopes[types.START, n : 2 * n]
     scales = scales_of(mechanism, run.old.q, run.old.v, a, end_time_s)
     run.control["length"], run.control["rate"] = scales.length_m, scales.rate_s
@@ -385,7 +408,7 @@ def set_out(
 
 def set_control(run: types.Run, choice: ErrorControl, scales: Scales) -> None:
     """Set error control by the mechanism's scales at a run's start."""
-    from reference_solver.contact.controlled_step import WEIGHT
+    from reference_solver.contact.types import WEIGHT
 
     n = run.old.n
     tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)

@@ -7,7 +7,7 @@ of values too. What NumPy does not know of objects, ``cos``, ``larger``, ``choos
 below, and takes numbers and values.
 
 Values that depend on parameters alone are known before a run: they are computed once, from the raw numbers of
-a mechanism, and the code knows them as p0, p1, ... (see ``Parameters``).
+a mechanism, and are an array to the code (see ``machine_code``).
 """
 
 from __future__ import annotations
@@ -26,21 +26,8 @@ Array = Any
 FloatArray = NDArray[np.float64]
 RecordArray = NDArray[np.void]
 
-#: An operation: how it is written, and how tightly it binds. A looser operand gets brackets.
-OPERATIONS = {
-    "if": ("{} if {} else {}", 0),
-    ">": ("{} > {}", 1),
-    "==": ("{} == {}", 1),
-    "&": ("{} & {}", 2),
-    "+": ("{} + {}", 3),
-    "-": ("{} - {}", 3),
-    "*": ("{}*{}", 4),
-    "/": ("{}/{}", 4),
-}
+#: Operations that are conditions, or choose by one: no numbers that could be known before a run.
 CONDITIONS = (">", "==", "&", "if")
-ATOM = 9
-#: An operation used once is written where it is used, up to this many characters.
-LONGEST = 90
 
 
 @dataclass(eq=False)
@@ -270,134 +257,7 @@ def power(x: Scalar, exponent: Scalar) -> Scalar:
     return x * sqrt(x) if _is(exponent, 1.5) else x**exponent
 
 
-# ------------------------------------------------------------------------------- writing
-
-
-class Parameters:
-    """The numbers p0, p1, ... that kernels take, by the text of what they are of the raw numbers r[...]."""
-
-    def __init__(self) -> None:
-        self._places: dict[str, int] = {}
-
-    def place(self, text: str) -> str:
-        """Return the code of the parameter with this text."""
-        return f"p{self._places.setdefault(text, len(self._places))}"
-
-    @property
-    def texts(self) -> list[str]:
-        """The parameters in their order."""
-        return list(self._places)
-
-
-class Writer:
-    """Writes what the results of a tape's function need, in order; other nodes leave no trace.
-
-    ``reads`` names the parameters that occur, ``calls`` the other functions.
-    """
-
-    def __init__(self, parameters: Parameters, taken: Iterable[str] = ()) -> None:
-        self.lines: list[str] = []
-        self.reads: list[str] = []
-        self.calls: list[str] = []
-        self._parameters, self._taken = parameters, set(taken)
-        self._texts: dict[Node, tuple[str, int]] = {}
-        self._uses: dict[Node, int] = {}
-        self._said: set[str] = set()
-
-    def write(self, tape: Tape, results: list[Scalar]) -> list[str]:
-        """Write the lines; return the code of the results."""
-        self._count(tape, results)
-        self._write(tape.scopes[0], "")
-        return [self._text(result, 0) for result in results]
-
-    def _count(self, tape: Tape, results: list[Scalar]) -> None:
-        """Count how often each node is needed."""
-        self._need(results)
-        for node in reversed(tape.nodes):
-            if node in self._uses:
-                self._need(_needs(node))
-
-    def _need(self, operands: list[Any]) -> None:
-        for operand in operands:
-            node = operand.node if isinstance(operand, Value) else operand
-            if isinstance(node, Node) and not node.known:
-                self._uses[node] = self._uses.get(node, 0) + 1
-
-    def _write(self, scope: Scope, indent: str) -> None:
-        for node in scope.nodes:
-            if node not in self._uses or node.operation in ("input", "result"):
-                continue
-            if node.operation == "branch":
-                self._branch(node, indent)
-            elif node.operation == "call":
-                (function, count, *arguments), results = node.operands, self._results_of(node)
-                self.calls.append(function)
-                names = [self._name(results[k]) if k in results else "_" for k in range(count)]
-                call = f"{function}({', '.join(self._text(argument, 0) for argument in arguments)})"
-                self._line(indent, node, f"{', '.join(names)} = {call}")
-            else:
-                text, level = _written(node, self._text)
-                if self._uses[node] > 1 or node.name or len(text) > LONGEST:
-                    self._line(indent, node, f"{self._name(node)} = {text}")
-                else:
-                    self._texts[node] = text, level
-
-    def _branch(self, node: Node, indent: str) -> None:
-        condition, outputs, inside = node.operands
-        results = dict(sorted(self._results_of(node).items()))
-        for k in results:
-            self._line(indent, node, f"{self._name(results[k])} = 0.0")
-        self._line(indent, node, f"if {self._text(condition, 0)}:")
-        self._write(inside, indent + "    ")
-        for k, result in results.items():
-            self._line(indent + "    ", node, f"{self._name(result)} = {self._text(outputs[k], 0)}")
-
-    def _results_of(self, node: Node) -> dict[int, Node]:
-        """Return the results of a call or branch that are used, by their places."""
-        return {n.operands[1]: n for n in self._uses if n.operation == "result" and n.operands[0] is node}
-
-    def _line(self, indent: str, node: Node, text: str) -> None:
-        if node.equation and node.equation not in self._said:
-            self._said.add(node.equation)
-            self.lines.append(f"{indent}# {node.equation}")
-        self.lines.append(indent + text)
-
-    def _name(self, node: Node) -> str:
-        """Return the name of a node that has a line of its own."""
-        if node not in self._texts:
-            name, number = node.name or f"x{len(self._taken)}", 0
-            while name in self._taken:
-                number += 1
-                name = f"{node.name or 'x'}_{number}"
-            self._taken.add(name)
-            self._texts[node] = name, ATOM
-        return self._texts[node][0]
-
-    def _text(self, operand: Any, level: int) -> str:
-        """Return the code of an operand, in brackets if it binds less than ``level``."""
-        if isinstance(operand, str):
-            return operand
-        if not isinstance(operand, Value):
-            return repr(float(operand)) if not isinstance(operand, bool) else repr(operand)
-        text, binds = self._place(operand.node)
-        if operand.minus:
-            text, binds = f"-{text if binds >= 4 else f'({text})'}", 3
-        return text if binds >= level else f"({text})"
-
-    def _place(self, node: Node) -> tuple[str, int]:
-        if node.known:
-            name = self._parameters.place(known_text(node))
-            if name not in self.reads:
-                self.reads.append(name)
-            return name, ATOM
-        if node.operation == "input":
-            return node.operands[0], ATOM
-        if node.operation == "result":
-            return self._name(node), ATOM
-        return self._texts[node]
-
-
-def _needs(node: Node) -> list[Any]:
+def needs_of(node: Node) -> list[Any]:
     """Return what a node that is needed needs itself; of a branch's outputs only those that are."""
     if node.operation == "branch":
         return [node.operands[0]]
@@ -405,24 +265,3 @@ def _needs(node: Node) -> list[Any]:
         branch, k = node.operands
         return [branch, branch.operands[1][k]]
     return list(node.operands)
-
-
-def known_text(node: Node) -> str:
-    """Return a known node's code in raw numbers."""
-
-    def text(operand: Any, _: int) -> str:
-        if not isinstance(operand, Value):
-            return repr(float(operand))
-        code = known_text(operand.node)
-        return f"-({code})" if operand.minus else code if operand.node.operation == "input" else f"({code})"
-
-    return str(node.operands[0]) if node.operation == "input" else _written(node, text)[0]
-
-
-def _written(node: Node, text: Callable[[Any, int], str]) -> tuple[str, int]:
-    """Return the code of an operation and how tightly it binds."""
-    if node.operation not in OPERATIONS:
-        return f"{node.operation}({', '.join(text(operand, 0) for operand in node.operands)})", ATOM
-    template, level = OPERATIONS[node.operation]
-    first, *others = node.operands
-    return template.format(text(first, level), *(text(other, level + 1) for other in others)), level

@@ -98,8 +98,7 @@ def doubts(engine: Engine, scene: AnyScene, run: Trajectory, to_tolerance: bool)
         raise SimulationFailed(failure)
     lines = [*doubts_of_tables(scene), *quality.warnings()]
     lines += [f"{name} changes nothing with {by}" for name, by in engine.idle().items()]
-    # The readable face is slow, and its runs are those of the compiled one to round-off.
-    if isinstance(engine, ReferenceEngine) and engine.kernel == "compiled" and not to_tolerance:
+    if isinstance(engine, ReferenceEngine) and not to_tolerance:
         try:
             when = doubtful_from_s(engine, scene, run)
         except SimulationFailed as failure:

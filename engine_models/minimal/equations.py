@@ -21,11 +21,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine_models.kernels import compiled
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-#: How the entries are compiled, and the functions that they call.
-OPTIONS = {"error_model": "numpy"}
-jit = njit(error_model="numpy")
+#: How functions are compiled, and those whose machine code is kept, with that of all which they call.
+jit, entry = njit(error_model="numpy"), compiled(error_model="numpy")
 #: Blocks of p: bodies (mass, inertia); joints; contacts; parts of loads; curves; their pieces; scalars; the
 #: coordinates, dependent ones first, and their units; contacts' phases; and what the last evaluation tells.
 BODIES, JOINTS, CONTACTS, PARTS, CURVES, PIECES, SCALARS, ORDER, PHASES, TOLD = range(10)
@@ -375,6 +376,7 @@ def solve_transposed(M: FloatArray, swaps: IntArray, x: FloatArray) -> None:
         x[k], x[swaps[k]] = x[swaps[k]], x[k]
 
 
+@entry
 def rates(p: FloatArray, t: float, y: FloatArray, out: FloatArray) -> None:
     """Fill y' (state,), and in p's last block v (3b,), a (3b,), the multipliers and what ``forces`` tells.
 
@@ -443,6 +445,7 @@ def rates(p: FloatArray, t: float, y: FloatArray, out: FloatArray) -> None:
         sums[driver] = multipliers[m - 1] * driven(p, t)[1]
 
 
+@entry
 def look(
     p: FloatArray,
     t: float,

@@ -7,12 +7,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from numba import float64, int64, void
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
 from engine_models.engine import AdapterCannot, ImpossibleStart, SimulationFailed, UnsupportedScene
-from engine_models.kernels import compiled
 from engine_models.mechanics.states import way
 from engine_models.minimal import equations as eq
 from engine_models.scene.general import placed_start
@@ -22,7 +20,6 @@ from engine_models.scene.scene import Scene
 from reference_solver.mechanism import data
 
 FloatArray = NDArray[np.float64]
-VECTOR, MATRIX = float64[::1], float64[:, ::1]
 #: No body, no curve.
 NONE = -1.0
 GROUND = [NONE, 0.0, 0.0]
@@ -183,15 +180,13 @@ class Model:
         first = 2 * self.size + most
         of_contacts = self.told[first : first + eq.OF_CONTACT * len(contacts)]
         self.contacts_told: FloatArray = of_contacts.reshape(-1, eq.OF_CONTACT)
-        self.rates = compiled(eq.rates, void(VECTOR, float64, VECTOR, VECTOR))
-        self._look = compiled(eq.look, int64(VECTOR, float64, VECTOR, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR))
         self._require_closed(q, v)
         self.start = self.closed(0.0, np.concatenate([q, v, np.zeros(len(self.sums))]))
 
     def __call__(self, t: float, y: FloatArray) -> FloatArray:
         """Return y'; ``told`` is of that state then."""
         out = np.empty(len(y))
-        self.rates(self.p, t, y, out)
+        eq.rates(self.p, t, y, out)
         return out
 
     def _block(self, number: int) -> FloatArray:
@@ -204,7 +199,7 @@ class Model:
         """Return B (m, 3b) of all rows, and g, c and gamma (m,)."""
         most = self.rows + len(self.phases)
         B, (g, c, gamma) = np.empty((most, self.size)), np.empty((3, most))
-        m = self._look(self.p, t, q, v, B, g, c, gamma)
+        m = eq.look(self.p, t, q, v, B, g, c, gamma)
         return B[:m], g[:m], c[:m], gamma[:m]
 
     def closed(self, t: float, y: FloatArray) -> FloatArray:

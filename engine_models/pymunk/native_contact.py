@@ -73,7 +73,7 @@ class NativeContact:
         self._functions = callback(rewrite, CALLBACK), callback(record, CALLBACK)
         handler = lib.cpSpaceAddCollisionHandler(space._space, *kinds)
         handler.preSolveFunc, handler.postSolveFunc = (
-            ffi.cast(f"cpCollision{when}SolveFunc", function.__wrapper_address__())
+            ffi.cast(f"cpCollision{when}SolveFunc", function.address)
             for when, function in zip(("Pre", "Post"), self._functions, strict=True)
         )
         handler.userData = ffi.cast("void *", address(native))

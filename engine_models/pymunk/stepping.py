@@ -137,7 +137,7 @@ def _staying(bodies: Sequence[pymunk.Body]) -> Iterator[None]:
     """Have bodies not move in a step."""
     function = callback(loop.stay, POSITION_UPDATE)
     for body in bodies:
-        pointer = ffi.cast("cpBodyPositionFunc", function.__wrapper_address__())
+        pointer = ffi.cast("cpBodyPositionFunc", function.address)
         lib.cpBodySetPositionUpdateFunc(body._body, pointer)
     yield
     for body in bodies:

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 import pymunk
-from numba import typeof, types
+from numba import typeof
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray, SimulationFailed
-from engine_models.kernels import compiled
 from engine_models.mechanics.contact_law import law_numbers
 from engine_models.pymunk.compiled import loop
 from engine_models.pymunk.compiled.chipmunk import BODY, LOAD
@@ -96,9 +95,9 @@ class Workspace:
         buffers = self._bodies, state, self._before, self._at, to_load, turn, given.held
         loads = given.lines, given.torques, given.springs, given.curves, given.pieces
         arguments = (self.run, *buffers, *loads, self._pins, self._kicks, turns, self.rows, self.out)
-        function = compiled(loop.advance, types.none(*map(typeof, arguments)))
+        loop.advance.compile(tuple(map(typeof, arguments)))  # type: ignore[attr-defined]
         started = perf_counter()
-        function(*arguments)
+        loop.advance(*arguments)
         elapsed = perf_counter() - started
         for name, phase in zip(self._names, self._pins["phase"].tolist(), strict=True):
             if phase >= LOST:

@@ -44,8 +44,6 @@ class ReferenceEngine(CompiledEngine):
     ``stabilisation`` holds drift back, by projection after every step or by Baumgarte's terms. Their gains in
     1/s are ``baumgarte_alpha_s`` and ``baumgarte_beta_s``.
 
-    ``kernel`` chooses between the two faces of the algorithm, which agree to round-off.
-
     ``method = rk4`` is the paper's. In a scene with clearance the run's step is the longest one, taken in
     flight; a contact takes ``steps_per_contact`` shorter ones, graded at both ends, and touch and release are
     located. That number is for a step in which the mechanism turns by 0.3 degrees, at the rate of its start
@@ -68,7 +66,6 @@ class ReferenceEngine(CompiledEngine):
     stabilisation: Literal["none", "baumgarte", "projection"] = "projection"
     baumgarte_alpha_s: Annotated[float, Field(ge=0)] = 100.0
     baumgarte_beta_s: Annotated[float, Field(ge=0)] = 100.0
-    kernel: Literal["compiled", "readable"] = "compiled"
     steps_per_contact: Annotated[float, Field(ge=4)] = 100.0
     locate_events: bool = True
     lowest_flight: Annotated[float, Field(ge=LOWEST_FLIGHT)] | None = None
@@ -104,8 +101,8 @@ class ReferenceEngine(CompiledEngine):
     def finer(self) -> "ReferenceEngine":
         """Return the engine that a run is held against to see whether it has converged."""
         if self.method == "rk4":
-            return replace(self, steps_per_contact=2 * self.steps_per_contact, kernel="compiled")
-        return replace(self, step_tolerance=max(self.step_tolerance / 100, SHARPEST), kernel="compiled")
+            return replace(self, steps_per_contact=2 * self.steps_per_contact)
+        return replace(self, step_tolerance=max(self.step_tolerance / 100, SHARPEST))
 
     @property
     def order(self) -> float | None:
@@ -144,8 +141,8 @@ class ReferenceEngine(CompiledEngine):
             raise EngineFailed(f"overflow with step {settings.step_s:.3g} s: shorten the step") from None
 
     def _run(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
-        choice, compiled = self.step_choice(scene, settings), self.kernel == "compiled"
-        return reference_run(scene, settings, choice, self.stabiliser, compiled, self.max_steps)
+        choice = self.step_choice(scene, settings)
+        return reference_run(scene, settings, choice, self.stabiliser, self.max_steps)
 
     @property
     def stabiliser(self) -> Stabilisation:

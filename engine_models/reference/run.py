@@ -45,7 +45,6 @@ def reference_run(
     settings: RunSettings,
     choice: StepChoice | ErrorControl,
     stabilisation: Stabilisation,
-    compiled: bool,
     most_steps: float = MOST_STEPS,
 ) -> Trajectory:
     """Run a scene, in no more steps than ``most_steps`` by the pace that it comes to.
@@ -62,7 +61,7 @@ def reference_run(
     mechanism = mechanism_of(scene)
     check_start(mechanism, q, v)
     choice = taken(choice, scene, settings)
-    solver = Solver(mechanism, q, choice, stabilisation, compiled)
+    solver = Solver(mechanism, q, choice, stabilisation)
     try:
         watch, times_s = _watch(scene, solver, most_steps), settings.times_s(scene)
         solution = solver.run(q, v, scene.end_time_s, settings.samples, watch, times_s)

@@ -2,15 +2,13 @@
 
 y = (q, q', sums) holds coordinates, n velocities, and integrals since t = 0: a driver's work where there is
 one, then what every contact adds up (``contact.rates_of``), then works of loads. The text is the reference's
-own, (1)-(10) without stabilisation. ``right`` and the watched functions are one compiled call each, without
-Numba's look at their arguments, which would take longer than the equations do.
+own, (1)-(10) without stabilisation, in the reference's compiled functions.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from functools import cache, partial
+from collections.abc import Sequence
+from functools import partial
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +18,13 @@ from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.start_check import checked_start
 from engine_models.scene.parts import AnyScene
 from engine_models.scipy_ivp.rebounds import Rebounds
-from reference_solver.compiled.kernel import Kernel, Topology, places
-from reference_solver.compiled.store import load_kernel
 from reference_solver.contact import types
-from reference_solver.contact.force import gap
 from reference_solver.equations import Equations
 from reference_solver.failures import SolverError
+from reference_solver.kernel import Kernel, Topology
 from reference_solver.mechanism.contact_laws import stored_J
-from reference_solver.mechanism.points import State
 from reference_solver.solution import Solution
 from reference_solver.solver import contact_record
-from reference_solver.tape import choose
 
 #: Part of the largest coordinate by which rounding may keep apart two pins that touch at one instant.
 ROUND_OFF = 8 * float(np.finfo(float).eps)
@@ -39,43 +33,6 @@ ROUND_OFF = 8 * float(np.finfo(float).eps)
 LOWEST_FLIGHT = 64.0
 #: Fields of a gap (see ``contact.types.GAP_RECORD``) whose zeros are watched.
 WATCHED = ("g", "rate", "push")
-
-
-@cache
-def _source_of(topology: Topology) -> str:
-    """Return a module with ``evaluate``, and for contacts ``gaps`` and watched functions.
-
-    ``evaluate(p, contacts, t, y, rate, forces)`` writes y', and in ``forces`` {lambda} and the contacts'
-    forces, and tells whether it could: else y' is not finite. The watched functions of contact k, ``<one of
-    WATCHED><k>(p, contacts, sign, level, t, y)``, return sign times what is watched less a level.
-    """
-    kernel = Kernel(topology)
-    draft = kernel.begin()
-    answer = draft.equations.answer(draft.t, draft.q, draft.v, draft.phases)
-    forces = [*answer.multipliers]
-    first, *others = answer.accelerations
-    rates = [*draft.v, choose(answer.ok, first, math.inf), *others]
-    for k, friction in enumerate(answer.friction_N):
-        forces += [answer.powers[f"normal{k}"], friction]
-    sums = [answer.powers[name] for name in _integrated(draft.equations)]
-    stores = places("rate[{}]", [*rates, *sums]) + places("forces[{}]", forces)
-    kernel.entry("evaluate", ["p", "contacts", "t", "y", "rate", "forces"], draft, answer.ok, stores, "y")
-    if topology.mechanism.contacts:
-        kernel.gaps()
-    for k in range(len(topology.mechanism.contacts)):
-        _watched(kernel, k)
-    return kernel.source()
-
-
-def _watched(kernel: Kernel, contact: int) -> None:
-    """Write the watched functions of a contact."""
-    for field in WATCHED:
-        draft = kernel.begin()
-        joint, (phase, memory) = draft.equations.mechanism.contacts[contact], draft.phases[contact]
-        value = gap(joint, phase, memory, State(draft.q, draft.v))[field]
-        value = draft.tape.input("sign") * value - draft.tape.input("level")
-        arguments = ["p", "contacts", "sign", "level", "t", "y"]
-        kernel.entry(f"{field}{contact}", arguments, draft, value, [], "y")
 
 
 def _integrated(equations: Equations) -> list[str]:
@@ -98,6 +55,8 @@ class Derivative:
         self.n, self.readable = q.size, Equations(mechanism, q_start)
         self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self.readable.C)
         self._forces = np.empty(self._rows + 2 * len(self._joints))
+        self._rates = np.empty(2 * self.n + len(self.readable.power_names) + 2)
+        self._gaps = np.zeros(len(self._joints), types.GAP_RECORD)
         self._contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
         self.sums = tuple(_integrated(self.readable))
         self.contact_count = len(self._joints)
@@ -110,40 +69,37 @@ class Derivative:
         self.events = [(k, 0) for k in range(self.contact_count)] + [(k, 1) for k in clipped]
         self._refused: tuple[float, FloatArray] | None = None
         self.start = np.concatenate([q, v, np.zeros(len(self.sums))], axis=None)
-        self._kernel = load_kernel(_source_of(topology.marked()))
-        self._parameters = topology.parameters(self._kernel, q_start)
-        self._evaluate = self._direct("evaluate", 0.0, self.start, self.start.copy(), self._forces)
+        self._first = len(self.readable.power_names) - len(self.sums)
+        self._kernel, self._at = Kernel(topology, q_start), self._contacts.ctypes.data
         #: By field and contact: functions of sign, level, t and y, sign times the field less the level.
         self.watched = {
-            (field, k): self._direct(f"{field}{k}", 1.0, 0.0, 0.0, self.start)
+            (field, k): partial(self._watched, field, k)
             for field, k in product(WATCHED, range(self.contact_count))
         }
-        if self._joints:
-            self.gaps(self.start)
 
-    def _direct(self, name: str, *arguments: object) -> Callable[..., Any]:
-        """Return a function of the kernel behind p and contacts, which does not look at its arguments.
-
-        They have to be of the kinds of these, and arrays contiguous.
-        """
-        function = getattr(self._kernel, name)
-        function(self._parameters, self._contacts, *arguments)
-        compiled = [*getattr(function, "overloads", {}).values()]
-        return partial(compiled[0].entry_point if compiled else function, self._parameters, self._contacts)
+    def _watched(self, field: str, contact: int, sign: float, level: float, _: float, y: FloatArray) -> float:
+        return sign * float(self.gaps(y)[contact][field]) - level
 
     def right(self, t: float, y: FloatArray) -> FloatArray:
         """Return y' in the present phases, not finite where [B] has lost rank: that rejects a step.
 
         It is written over a copy of y, which is contiguous, as the compiled function takes for granted.
         """
-        rate: FloatArray = y.copy()
-        self._evaluate(t, rate, rate, self._forces)
-        return rate
+        return self._evaluated(t, y)[0]
+
+    def _evaluated(self, t: float, y: FloatArray) -> tuple[FloatArray, bool]:
+        """Return y' and whether there is one."""
+        n, rates = 2 * self.n, self._rates
+        ok = self._kernel["rates"](self._kernel.p, self._at, t, np.ascontiguousarray(y), rates) < math.inf
+        rate = np.concatenate([rates[:n], rates[n + self._first : -2]])
+        if not ok:
+            rate[self.n] = math.inf
+        return rate, ok
 
     def __call__(self, t: float, y: FloatArray) -> FloatArray:
         """Return the same, and keep in mind where there is none."""
-        rate: FloatArray = y.copy()
-        if not self._evaluate(t, rate, rate, self._forces):
+        rate, ok = self._evaluated(t, y)
+        if not ok:
             self._refused = (t, y.copy())
         return rate
 
@@ -162,6 +118,7 @@ class Derivative:
     def forces(self, t: float, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return {lambda} (m,), and every contact's normal force and friction (2K,), in its present phase."""
         self(t, y)
+        self._kernel["forces"](self._kernel.p, self._at, t, np.ascontiguousarray(y), self._forces)
         return self._forces[: self._rows].copy(), self._forces[self._rows :].copy()
 
     def solution(
@@ -215,9 +172,8 @@ class Derivative:
 
     def gaps(self, y: FloatArray) -> NDArray[np.void]:
         """Return every contact's gap (K,), records of ``GAP_RECORD``."""
-        gaps = np.zeros(len(self._joints), types.GAP_RECORD)
-        self._kernel.gaps(self._parameters, self._contacts, 0.0, types.Motion(self.n, y, gaps))
-        return gaps
+        self._kernel["gaps"](self._kernel.p, self._at, 0.0, np.ascontiguousarray(y), self._gaps)
+        return np.array(self._gaps)
 
     def pressed(self, y: FloatArray) -> FloatArray:
         """Return every contact's normal force in N, in its present phase, and penetration, (K, 2)."""

@@ -11,16 +11,11 @@ and t = t1 - s^2 up to a release: the penetration, of order s^2, has the square 
 smooth in s.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba.extending import register_jitable
-from numba.types import NamedTuple as NumbaTuple
 
-from reference_solver import methods
-from reference_solver.contact import controlled_step, loop, types
+from reference_solver.contact import controlled_step, loop
 from reference_solver.contact.controlled_step import (
-    ROWS,
     Course,
     Step,
     again,
@@ -33,13 +28,9 @@ from reference_solver.contact.controlled_step import (
     trial,
     within,
 )
-from reference_solver.contact.loop import ARRIVE, AT_STATE, FORCES, INNER, MOBILITIES, OPTIONS, SLOPES
-from reference_solver.contact.types import FAILED, FLIGHT, GO, SETTLE
-
-__all__ = ["ADVANCE", "COMPILED_WITH", "OPTIONS", "ROWS", "Kernel", "advance"]
-
-#: Modules whose functions and constants the machine code has taken over.
-COMPILED_WITH = (types, loop, methods, controlled_step)
+from reference_solver.contact.loop import INNER
+from reference_solver.contact.types import FAILED, FLIGHT, GO, NEW, SETTLE, run_of
+from reference_solver.machine_code import OPTIONS, compiled
 
 #: Part of the clearance (or of a radian) that a pin crosses in a step of flight.
 FLIGHT_PART = 0.5
@@ -52,20 +43,6 @@ LANDING, LANDING_CLEARANCE, ROUND_OFF, LANDINGS = 1e-2, 2e-6, 1.5e-15, 6
 PAST = 1e-10
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
-
-
-class Kernel(NamedTuple):
-    """The functions of a mechanism, compiled or readable (see ``kernel`` and ``faces``)."""
-
-    slopes: object
-    gaps: object
-    forces: object
-    arrive: object
-    mobilities: object
-
-
-KERNEL = NumbaTuple((SLOPES, AT_STATE, FORCES, ARRIVE, MOBILITIES), Kernel)
-ADVANCE = loop.advance_type(KERNEL)
 
 
 # ------------------------------------------------------------------------------------------ time
@@ -89,7 +66,7 @@ def remaining(contact, gap):
     return gap.depth / speed * (1.0 + 0.4716 * (1.0 - rate / speed))
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def course_of(contacts, gaps, t, h, careful):
     """Return the course of a step of h at most, its length in s, and the contact released at its end, or -1.
 
@@ -114,9 +91,6 @@ def course_of(contacts, gaps, t, h, careful):
                 return course, -begin, k
             return course, np.sqrt(max(left - h, LEFT * LEFT * left)) - begin, -1
     return Course(t, 0.0, 0.0), h, -1
-
-
-# ---------------------------------------------------------------------------------------- a step
 
 
 # ---------------------------------------------------------------------------------------- events
@@ -182,7 +156,7 @@ def passed(contact, gap, new_gap, kind):
     return end > 0.0 and (outwards * new_gap.rate > 0.0 or begin <= 0.0 or end > begin)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def unseen(contacts, gaps):
     """Return whether a pin is past its wall in flight, or off it in contact, by more than landing leaves."""
     for k in range(len(contacts)):
@@ -255,13 +229,10 @@ def land(run, step, end, event, taken):
     return Step(course, 0.0, np.nan)
 
 
-# -------------------------------------------------------------------------------- dense output
-
-
 # -------------------------------------------------------------------------------------- the loop
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def chosen(run):
     """Return the step to try, and the contact that is released at its end, or -1."""
     contacts, gaps, now, control = run.contacts, run.old.gaps, run.clock[0], run.control[0]
@@ -273,13 +244,13 @@ def chosen(run):
     return step, releasing if step.end < now.end else -1
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def end_step(run, t):
     """Move the new state onto its constraints, and set its slope and its gaps; return whether it could."""
-    return finish(run, t) and run.kernel.gaps(run.p, run.contacts, t, run.new)
+    return finish(run, t) and loop.set_gaps(run, t, NEW, run.new)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def tried(run, step):
     """Take a step; return its error over the tolerance, and the factor by which it changes."""
     contacts, control, duration = run.contacts, run.control[0], run.clock[0].tried
@@ -321,7 +292,7 @@ def cut(run, step, releasing):
     return step, event, place
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def accept(run, step, event, error, factor):
     """Move on to the end of a step, and choose the one after it."""
     now, control, contacts = run.clock[0], run.control[0], run.contacts
@@ -367,7 +338,7 @@ def go_on(run, event):
     return set_out(run)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def noise(contacts, gaps, control, h):
     """Return what round-off of positions alone makes of a step's error over the tolerance.
 
@@ -382,8 +353,9 @@ def noise(contacts, gaps, control, h):
     return steepest * ROUND_OFF * h / (control.tolerance * control.rate)
 
 
-def advance(run):
-    """Advance the motion in place, as ``contact.loop.advance`` does with located events."""
+@register_jitable(**INNER)
+def advance_by_events(run):
+    """Advance the motion in place, as ``contact.loop.advance_by_events`` does with located events."""
     now, control = run.clock[0], run.control[0]
     status = GO
     if not now.resumed:
@@ -419,3 +391,9 @@ def advance(run):
         if event >= 0:
             status = go_on(run, event)
     return status
+
+
+@compiled(**OPTIONS)
+def advance(parts):
+    """Advance the motion as ``advance_by_events`` does."""
+    return advance_by_events(run_of(parts))

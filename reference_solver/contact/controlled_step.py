@@ -12,16 +12,8 @@ from numba.extending import register_jitable
 from reference_solver import methods
 from reference_solver.contact import loop
 from reference_solver.contact.loop import INNER
-from reference_solver.contact.types import END, FAILED, GO, START
-from reference_solver.methods import dop853
-
-#: Coefficients of dense output, at most: the step's change, its two slopes, and what the method adds.
-DENSE_ROWS = 3 + len(dop853().embedded.dense)
-#: Rows of slopes, at most: of stages, at the step's end, and those that dense output takes beside them; then
-#: 1 over the tolerances of y, 0 of the sums; the coefficients of dense output; and what ``types`` names.
-WEIGHT = dop853().embedded.slopes
-DENSE_ROW = WEIGHT + 1
-ROWS = DENSE_ROW + DENSE_ROWS + 3
+from reference_solver.contact.types import AT, DENSE_ROW, END, FAILED, GO, NEW, OLD, START, WEIGHT
+from reference_solver.machine_code import call
 
 #: Step control: safety factor, bounds of what a step changes by, and the weight of the error before.
 SAFETY, LEAST, MOST, BETA = 0.8, 0.2, 8.0, 0.04
@@ -45,7 +37,7 @@ class Step(NamedTuple):
     end: float
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def time_at(course, s):
     """Return the time at s, and its rate."""
     if course.sign == 0.0:
@@ -61,7 +53,7 @@ def place_at(course, time):
     return np.sqrt(max(course.sign * (time - course.origin), 0.0))
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def no_further(now, course, H):
     """Return a step of H in s, or the one to the end of the run if that ends beyond it or just before."""
     end, _ = time_at(course, course.begin + H)
@@ -72,7 +64,7 @@ def no_further(now, course, H):
     return Step(course, H, end)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def to_kink(run, step):
     """Return the step on to a kink that one just taken has passed (see ``loop.to_kink``), or that step."""
     now = run.clock[0]
@@ -87,15 +79,14 @@ def to_kink(run, step):
 # ---------------------------------------------------------------------------------------- a step
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def set_out(run):
     """Set the slope at the start of a step; return GO, or FAILED where there is none."""
     now = run.clock[0]
-    condition = run.kernel.slopes(run.p, run.contacts, now.time, START, 1.0, run.old.y, run.slopes)
-    return GO if condition < np.inf else FAILED
+    return GO if loop.set_slopes(run, now.time, OLD, START) < np.inf else FAILED
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def add(out, scale, weights, rows, slopes):
     """Add ``scale`` times the sum of the first rows of slopes by weights."""
     for j in range(rows):
@@ -116,10 +107,14 @@ def evaluate(run, course, H, row):
         stage[c] = y[c]
     add(stage, H, method.matrix[row], row, run.slopes)
     t, rate = time_at(course, course.begin + method.nodes[row] * H)
-    return run.kernel.slopes(run.p, run.contacts, t, row, rate, stage, run.slopes)
+    condition = loop.set_slopes(run, t, AT, row)
+    if course.sign != 0.0:
+        for c in range(len(y)):
+            run.slopes[row, c] *= rate
+    return condition
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def norm(out, estimate, slopes):
     """Return the sum of squares of an estimate of the error per unit of s, over the tolerance."""
     for c in range(len(out)):
@@ -132,7 +127,7 @@ def norm(out, estimate, slopes):
     return total
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def trial(run, course, H):
     """Take a step of H in s; return its error over the tolerance, infinite on failure."""
     y, new_y, slopes, method = run.old.y, run.new.y, run.slopes, run.method
@@ -154,17 +149,23 @@ def trial(run, course, H):
     return error if np.isfinite(error + third) else np.inf
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def finish(run, t):
     """Move the new state onto its constraints, and set its slope; return whether it could.
 
     A step is not to end too near to a singular position: the next one would begin with what is amplified.
     """
-    condition = run.kernel.arrive(run.p, run.contacts, t, END, run.new, run.slopes)
-    return condition < methods.MOST_APART * run.control[0].least
+    now, new, slopes = run.clock[0], run.new.y, run.slopes
+    to, out = loop.address(run, NEW), loop.address(run, END)
+    if not call(now.project, now.p, now.contacts, t, to, out) < np.inf:
+        return False
+    for c in range(2 * run.new.n):
+        new[c] = slopes[END, c]
+    new[len(new) - 1] += slopes[END, 2 * run.new.n]
+    return loop.set_slopes(run, t, NEW, END) < methods.MOST_APART * run.control[0].least
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def move_on(run, end, error):
     """Move on to the end of a step."""
     now, control, old, new = run.clock[0], run.control[0], run.old, run.new
@@ -178,7 +179,7 @@ def move_on(run, end, error):
 # --------------------------------------------------------------------------------- the next step
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def changed(error, control, exponent):
     """Return the factor by which a step changes, from its error and the one before (Gustafsson 1991).
 
@@ -237,5 +238,5 @@ def within(run, step):
             for i in range(rows - 1, -1, -1):
                 change = (change + slopes[DENSE_ROW + i, c]) * (x if i % 2 == 0 else 1.0 - x)
             at_y[c] = y[c] + change
-        ok = loop.write(run, time, run.at) and ok
+        ok = loop.write(run, time, AT, run.at) and ok
     return ok

@@ -6,65 +6,13 @@ costs 5 % of a step. Without Numba it runs too, as the readable face (see ``face
 right-hand side is smooth; an event is located by shortening the step until its end lies on it.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from numba import from_dtype
 from numba.extending import register_jitable
-from numba.types import FunctionType, boolean, float64, int64
-from numba.types import NamedTuple as NumbaTuple
 
-from reference_solver import methods
 from reference_solver.contact import types
-from reference_solver.contact.linked import InnerCompiler, WholeCompiler
+from reference_solver.machine_code import OPTIONS, call, compiled
 
-#: Modules whose constants the machine code has taken over.
-COMPILED_WITH = (types,)
-
-#: All memory is the caller's, so that references of arrays need not be counted, which took half of the time.
-PLAIN = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
-OPTIONS = {**PLAIN, "pipeline_class": WholeCompiler}
-INNER = {
-    **PLAIN,
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "pipeline_class": InnerCompiler,
-}
-
-ARRAY, TABLE = float64[::1], float64[:, ::1]
-CONTACTS, GAPS, EVENTS, CLOCK, CONTROL, KNOTS = (
-    from_dtype(getattr(types, f"{name}_RECORD"))[::1]
-    for name in ("CONTACT", "GAP", "EVENT", "CLOCK", "CONTROL", "KNOT")
-)
-MOTION = NumbaTuple((int64, ARRAY, GAPS), types.Motion)
-TABLEAU = NumbaTuple((float64, ARRAY, TABLE, ARRAY, TABLE, TABLE), methods.Tableau)
-RECORDS = NumbaTuple((EVENTS, TABLE, ARRAY, TABLE), types.Records)
-STEP = FunctionType(float64(ARRAY, CONTACTS, float64, float64, MOTION, MOTION))
-SLOPES = FunctionType(float64(ARRAY, CONTACTS, float64, int64, float64, ARRAY, TABLE))
-FORCES = FunctionType(float64(ARRAY, CONTACTS, float64, ARRAY, int64, TABLE))
-MOBILITIES = FunctionType(boolean(ARRAY, ARRAY, int64, TABLE))
-AT_STATE = FunctionType(boolean(ARRAY, CONTACTS, float64, MOTION))
-ARRIVE = FunctionType(float64(ARRAY, CONTACTS, float64, int64, MOTION, TABLE))
-
-
-class Kernel(NamedTuple):
-    """The functions of a mechanism, compiled or readable (see ``kernel`` and ``faces``)."""
-
-    step: object
-    slopes: object
-    forces: object
-    gaps: object
-    mobilities: object
-
-
-def advance_type(kernel):
-    """Return the signature of a loop by the types of a kernel's functions."""
-    parts = (kernel, ARRAY, TABLEAU, CONTACTS, MOTION, MOTION, MOTION, TABLE, CONTROL, CLOCK, RECORDS, KNOTS)
-    return int64(NumbaTuple(parts, types.Run))
-
-
-KERNEL = NumbaTuple((STEP, SLOPES, FORCES, AT_STATE, MOBILITIES), Kernel)
-ADVANCE = advance_type(KERNEL)
+INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 #: The slope that makes dense output a quartic; rows of slopes in all.
 BUMP, ROWS = 0, 4
@@ -93,6 +41,37 @@ MOST_SHORTENED = 60
 HALVED = 20
 #: How far from its supposed place in a step, as a part of it, a contact's largest force is looked for.
 ASIDE_OF_PEAK = 0.1
+
+
+# ----------------------------------------------------------------------- calls of the kernel
+
+
+@register_jitable(**INNER, forceinline=True)
+def address(run, row):
+    """Return the address of a row of slopes, or of a state."""
+    return run.clock[0].rows + (row if row >= 0 else row + len(run.slopes)) * run.clock[0].width
+
+
+@register_jitable(**INNER, forceinline=True)
+def set_slopes(run, t, of, row):
+    """Set a row to the slopes at a state; return the condition."""
+    now = run.clock[0]
+    return call(now.rates, now.p, now.contacts, t, address(run, of), address(run, row))
+
+
+@register_jitable(**INNER, forceinline=True)
+def set_gaps(run, t, of, motion):
+    """Set the gaps of a state, that in row ``of``; return whether it could."""
+    now, state = run.clock[0], address(run, of)
+    return call(now.gaps, now.p, now.contacts, t, state, state + 8 * len(motion.y)) < np.inf
+
+
+@register_jitable(**INNER, forceinline=True)
+def take_step(run, h):
+    """Take a step of h from ``old`` to ``new``; return its condition, infinite on failure."""
+    now = run.clock[0]
+    run.slopes[types.OLD, now.place_of_h] = h
+    return call(now.step, now.p, now.contacts, now.time, address(run, types.OLD), address(run, types.NEW))
 
 
 # ---------------------------------------------------------------------------------------- events
@@ -141,7 +120,7 @@ def first_alarm(contacts, gaps, skip):
 @register_jitable(**INNER)
 def value_at(run, h, event):
     """Return the alarm of an event after a step of length h, left in ``new``."""
-    if not run.kernel.step(run.p, run.contacts, run.clock[0].time, h, run.old, run.new) < np.inf:
+    if not take_step(run, h) < np.inf:
         return np.nan
     return alarm(run.contacts[event // 2], run.new.gaps[event // 2], event % 2)
 
@@ -253,13 +232,15 @@ def approach(run, h, skip):
 def probe(run):
     """Look up the mobilities of all contacts where the bodies are now."""
     contacts, looked_up = run.contacts, run.slopes[types.SPARE]
-    run.kernel.mobilities(run.p, run.old.y, types.SPARE, run.slopes)
+    now = run.clock[0]
+    old, out = address(run, types.OLD), address(run, types.SPARE)
+    call(now.mobilities, now.p, now.contacts, now.time, old, out)
     for k in range(len(contacts)):
         contacts[k].mobility, contacts[k].sliding = looked_up[3 * k], looked_up[3 * k + 1]
         contacts[k].following = looked_up[3 * k + 2]
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def probe_now_and_then(run):
     """Look up the mobilities where a contact has lasted for some steps: its bodies have turned."""
     closed = False
@@ -326,7 +307,7 @@ def in_flight(contacts, gaps, h, part):
     return h
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def step_length(contacts, gaps, now):
     """Return the longest step that the phases allow.
 
@@ -361,7 +342,7 @@ def step_length(contacts, gaps, now):
     return h
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def to_knot(run, h, curved, short):
     """Return a step, h at most, that ends near the next knot of a load by a body's angle, if it gets there.
 
@@ -385,7 +366,7 @@ def to_knot(run, h, curved, short):
     return h
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def to_kink(run, h, most, short):
     """Return the step, ``most`` at most, in place of one of h that has passed a kink, or come near to one.
 
@@ -458,11 +439,12 @@ def bump_of(change, slope, new_slope, inside):
 
 
 @register_jitable(**INNER)
-def write(run, t, motion):
-    """Write the sample of a state; return whether it could."""
+def write(run, t, of, motion):
+    """Write the sample of a state, that in row ``of``; return whether it could."""
     now, samples, contacts = run.clock[0], run.records.samples, run.contacts
     row, phases = now.taken, samples.shape[1] - 2 * len(contacts)
-    condition = run.kernel.forces(run.p, contacts, t, motion.y, row, samples)
+    out = now.samples + row * now.sample_width + 8 * len(motion.y)
+    condition = call(now.forces, now.p, now.contacts, t, address(run, of), out)
     now.least = min(now.least, condition)
     for c in range(len(motion.y)):
         samples[row, c] = motion.y[c]
@@ -493,21 +475,21 @@ def between(run, x, h):
 @register_jitable(**INNER)
 def within(run, h):
     """Write the samples before the end of a step of h; return whether it could."""
-    now, p, contacts, slopes = run.clock[0], run.p, run.contacts, run.slopes
-    t, end, times, slopes_at = now.time, now.time + h, run.records.time, run.kernel.slopes
-    ok = slopes_at(p, contacts, t, types.START, 1.0, run.old.y, slopes) < np.inf
-    ok = ok and slopes_at(p, contacts, end, types.END, 1.0, run.new.y, slopes) < np.inf
+    now, slopes = run.clock[0], run.slopes
+    t, end, times = now.time, now.time + h, run.records.time
+    ok = set_slopes(run, t, types.OLD, types.START) < np.inf
+    ok = ok and set_slopes(run, end, types.NEW, types.END) < np.inf
     for c in range(len(run.old.y)):
         slopes[BUMP, c] = 0.0
     between(run, INSIDE, h)
-    ok = slopes_at(p, contacts, t + INSIDE * h, BUMP, 1.0, run.at.y, slopes) < np.inf and ok
+    ok = set_slopes(run, t + INSIDE * h, types.AT, BUMP) < np.inf and ok
     for c in range(run.old.n, len(run.old.y)):
         slope, new_slope, inside = h * slopes[types.START, c], h * slopes[types.END, c], h * slopes[BUMP, c]
         slopes[BUMP, c] = bump_of(change_of(run, c), slope, new_slope, inside)
     while now.taken < len(times) and times[now.taken] < end:
         time = times[now.taken]
         between(run, (time - t) / h, h)
-        ok = write(run, time, run.at) and ok
+        ok = write(run, time, types.AT, run.at) and ok
     return ok
 
 
@@ -520,7 +502,7 @@ def value_on(run, h, x, event):
     at, n = run.at, run.old.n
     for c in range(n):
         at.y[c], at.y[n + c] = on_quintic(run, h, c, x)
-    run.kernel.gaps(run.p, run.contacts, run.clock[0].time + x * h, at)
+    set_gaps(run, run.clock[0].time + x * h, types.AT, at)
     return alarm(run.contacts[event // 2], at.gaps[event // 2], event % 2)
 
 
@@ -589,7 +571,7 @@ def force_on(run, h, x, k):
     return keep_largest(run.contacts[k], run.at.gaps[k], run.clock[0].time + x * h)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def note_largest(run, h, slopes_known):
     """Note the largest normal forces and penetrations of the compliant contacts in a step of h.
 
@@ -604,8 +586,8 @@ def note_largest(run, h, slopes_known):
         keep_largest(contact, new_gap, t + h)
         x, turns = place_of_largest(contact, gap, new_gap, h), gap.rate > 0.0 > new_gap.rate
         if (x < 1.0 or turns) and not slopes_known:
-            run.kernel.slopes(run.p, contacts, t, types.START, 1.0, run.old.y, run.slopes)
-            run.kernel.slopes(run.p, contacts, t + h, types.END, 1.0, run.new.y, run.slopes)
+            set_slopes(run, t, types.OLD, types.START)
+            set_slopes(run, t + h, types.NEW, types.END)
         if turns:
             force_on(run, h, peak(gap.g, gap.rate, new_gap.g, new_gap.rate, h) / h, k)
         if x < 1.0:
@@ -633,7 +615,7 @@ def finite(gaps):
     return np.isfinite(total)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def take(old, new):
     """Move the state on to ``new``, whose sums are those of the step alone."""
     for c in range(len(old.y)):
@@ -642,7 +624,7 @@ def take(old, new):
         old.gaps[k] = new.gaps[k]
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def suspicious(contacts, gaps, new_gaps):
     """Return whether an event may lie within a step: an alarm has gone off, or a pin has turned back."""
     for k in range(len(contacts)):
@@ -684,12 +666,12 @@ def close_at_start(run):
             note(run, 2 * k)
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def write_due(run):
     """Write the samples of the present time; return whether it could."""
     now, times, ok = run.clock[0], run.records.time, True
     while ok and now.taken < len(times) and times[now.taken] <= now.time:
-        ok = write(run, now.time, run.old)
+        ok = write(run, now.time, types.OLD, run.old)
     return ok
 
 
@@ -713,7 +695,7 @@ def rubs(contacts):
     return False
 
 
-@register_jitable(**INNER)
+@register_jitable(**INNER, forceinline=True)
 def settled(now, contacts, moved):
     """Have all contacts take part again, once time has moved on since an event on a rigid wall."""
     if now.rigid >= 0 and moved:
@@ -733,7 +715,8 @@ def meet(run, event):
     return types.SETTLE
 
 
-def advance(run):
+@register_jitable(**INNER)
+def advance_by_events(run):
     """Advance the motion to the clock's end in place, event by event; return how that ended.
 
     Events are added to the log, and a sample is written for each of the records' times up to the end. Steps
@@ -765,23 +748,23 @@ def advance(run):
         if last:
             h = landing - t
         now.tried = h
-        condition = run.kernel.step(run.p, contacts, t, h, old, new)
+        condition = take_step(run, h)
         for _ in range(MOST_SHORTENED if rubs(contacts) else SHORTENED):
             if condition < np.inf:
                 break
             h, last = ASIDE * h, False
-            condition = run.kernel.step(run.p, contacts, t, h, old, new)
+            condition = take_step(run, h)
         for _ in range(HALVED):
             if not (now.located and condition < np.inf and has_bulged(contacts, old.gaps, new.gaps, h)):
                 break
             h, last = 0.5 * h, False
-            condition = run.kernel.step(run.p, contacts, t, h, old, new)
+            condition = take_step(run, h)
         for _ in range(LANDINGS):
             landed = to_kink(run, h, landing - t, short)
             if landed == h or not condition < np.inf:
                 break
             h, last = landed, False
-            condition = run.kernel.step(run.p, contacts, t, h, old, new)
+            condition = take_step(run, h)
         if not condition < np.inf or not finite(new.gaps):
             return types.FAILED
         now.condition = max(now.condition, condition)
@@ -801,3 +784,57 @@ def advance(run):
         settled(now, contacts, new_t > t)
         if event >= 0 and meet(run, event) == types.SETTLE:
             return types.SETTLE
+
+
+@compiled(**OPTIONS)
+def advance(parts):
+    """Advance the motion as ``advance_by_events`` does."""
+    return advance_by_events(types.run_of(parts))
+
+
+@register_jitable(**INNER)
+def move_on(run):
+    """Move a state without contacts on to ``new``, with what rounding has taken."""
+    y, new_y, first = run.slopes[types.OLD], run.slopes[types.NEW], 2 * run.old.n
+    for c in range(first):
+        y[c] = new_y[c]
+    for c in range(first, len(run.old.y)):
+        y[c] += new_y[c]
+    for c in range(run.clock[0].place_of_h + 1, len(y)):
+        y[c] = new_y[c]
+
+
+@compiled(**OPTIONS)
+def advance_equally(parts):
+    """Advance a run without events by equal steps, of which samples are multiples; return how that ended."""
+    run = types.run_of(parts)
+    now, times, h = run.clock[0], run.records.time, run.clock[0].longest
+    now.tried = h
+    while now.taken < len(times):
+        due = round(times[now.taken] / h)
+        while now.steps < due:
+            now.time = now.steps * h
+            if now.steps >= now.budget:
+                return types.SPENT
+            condition = take_step(run, h)
+            if not condition < np.inf:
+                return types.FAILED
+            now.condition = max(now.condition, condition)
+            move_on(run)
+            now.steps += 1
+        now.time = now.steps * h
+        if not write(run, times[now.taken], types.OLD, run.old):
+            return types.FAILED
+    return types.DONE
+
+
+@compiled(**OPTIONS)
+def write_within(parts, h):
+    """Write the samples before the end of a step of h that has been taken; return whether it could."""
+    run = types.run_of(parts)
+    times = run.records.time
+    return (
+        run.clock[0].taken == len(times)
+        or times[run.clock[0].taken] >= run.clock[0].time + h
+        or within(run, h)
+    )

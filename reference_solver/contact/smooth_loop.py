@@ -4,34 +4,13 @@ Numba compiles this module as it stands, as it does ``adaptive_loop``, in less t
 is in it that looks for events.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba.extending import register_jitable
-from numba.types import NamedTuple as NumbaTuple
 
-from reference_solver import methods
-from reference_solver.contact import controlled_step, loop, types
-from reference_solver.contact.controlled_step import ROWS, Course
-from reference_solver.contact.loop import ARRIVE, FORCES, OPTIONS, SLOPES
-from reference_solver.contact.types import FAILED, GO
-
-__all__ = ["ADVANCE", "COMPILED_WITH", "KERNEL", "OPTIONS", "ROWS", "Kernel", "advance"]
-
-#: Modules whose functions and constants the machine code has taken over.
-COMPILED_WITH = (types, loop, methods, controlled_step)
-
-
-class Kernel(NamedTuple):
-    """The functions of a mechanism, compiled or readable (see ``kernel`` and ``faces``)."""
-
-    slopes: object
-    forces: object
-    arrive: object
-
-
-KERNEL = NumbaTuple((SLOPES, FORCES, ARRIVE), Kernel)
-ADVANCE = loop.advance_type(KERNEL)
+from reference_solver.contact import controlled_step, loop
+from reference_solver.contact.controlled_step import Course
+from reference_solver.contact.types import FAILED, GO, run_of
+from reference_solver.machine_code import OPTIONS, compiled
 
 
 @register_jitable(**loop.INNER)
@@ -41,8 +20,10 @@ def tried(run, step):
     return error if not error <= 1.0 or controlled_step.finish(run, step.end) else np.inf
 
 
-def advance(run):
+@compiled(**OPTIONS)
+def advance(parts):
     """Advance the motion in place, as ``contact.loop.advance`` does, with error control."""
+    run = run_of(parts)
     now, control = run.clock[0], run.control[0]
     status = GO if now.resumed else controlled_step.set_out(run)
     while status == GO:

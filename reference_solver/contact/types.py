@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
-from reference_solver.methods import Tableau
+from reference_solver.methods import Method, Tableau, dop853, tableau
 from reference_solver.tape import FloatArray, RecordArray
 
 #: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
@@ -50,10 +51,14 @@ EVENT_RECORD = record("time_s rate depth force force_s deepest deepest_s", "cont
 #: on whose multiples steps land, or 0, and how many of them have been reached; whether events are located;
 #: events, samples and steps so far, the most steps, the contact whose event on a rigid wall is to be settled,
 #: and whether it goes on where its last call ended, as if that had not: slopes at the start of a step are
-#: known then, and differ by round-off from such anew.
+#: known then, and differ by round-off from such anew; and what the kernel's functions are called with:
+#: addresses of its numbers, of contacts, rows, ``old`` among them, and samples, how long these are in bytes,
+#: and where a state has the length of a step; and the functions themselves.
 CLOCK_RECORD = record(
     "time lost longest per_contact tried end condition least interval",
-    "landed located events taken steps budget rigid resumed",
+    "landed located events taken steps budget rigid resumed "
+    "p contacts rows width old samples sample_width place_of_h "
+    "rates forces project gaps mobilities step",
 )
 
 #: Error control: tolerance, the mechanism's length in m and its rate in 1/s, the next step and that of the
@@ -136,17 +141,15 @@ class Records(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What a loop works on: a mechanism's kernel and its parameters, contacts (K,), the state, and records.
+    """What a loop works on: a method, contacts (K,), the state, and records.
 
     ``new`` is the state at the end of a step, ``at`` one within it. Rows of ``slopes`` have rates of y; the
-    last ones are ``START`` to ``SPARE``.
-    ``control`` (1,) is error control, by a ``method``, ``clock`` (1,) where the run is, ``knots`` are angles
+    last ones are ``OLD`` to ``AT``, the memory of these states, and ``START`` to ``SPARE``.
+    ``control`` (1,) is error control, ``clock`` (1,) where the run is, ``knots`` are angles
     of bodies at which steps are to end.
     """
 
-    kernel: Any
-    p: FloatArray | None
-    method: Tableau | None
+    method: Tableau
     contacts: RecordArray
     old: Motion
     new: Motion
@@ -158,28 +161,63 @@ class Run(NamedTuple):
     knots: RecordArray
 
 
-#: Rows of a run's slopes: at both ends of a step, and three numbers per contact.
-START, END, SPARE = -3, -2, -1
+#: Rows of a run's slopes: those of stages, at the end, and what dense output takes beside them; 1 over the
+#: tolerances of y, 0 of the sums; at most so many coefficients of dense output; and from the end on states
+#: at a step's start, at its end and within it; slopes at both ends; and three numbers per contact.
+_LARGEST = tableau(dop853())
+WEIGHT = len(_LARGEST.nodes)
+DENSE_ROW, DENSE_ROWS = WEIGHT + 1, 3 + len(_LARGEST.dense)
+ROWS = DENSE_ROW + DENSE_ROWS + 6
+OLD, NEW, AT, START, END, SPARE = range(-6, 0)
 
 
 def new_run(
+    method: Method,
     contacts: RecordArray,
     sizes: tuple[int, int, int],
     times: FloatArray,
-    rows: int,
     log_rows: int,
     knots: Sequence[tuple[float, float, int, int]] = (),
 ) -> Run:
-    """Return a run of zeros, without a kernel.
+    """Return a run of zeros by a method; a kernel has to be bound to it.
 
-    Sizes are the numbers of coordinates, sums and {lambda}; ``rows`` is the number of slopes, ``log_rows``
-    that of events, ``knots`` are as in ``KNOT_RECORD``.
+    Sizes are the numbers of coordinates, sums and {lambda}; ``log_rows`` is that of events, ``knots`` are as
+    in ``KNOT_RECORD``.
     """
     (n, sums, multipliers), K = sizes, len(contacts)
-    old, new, at = (Motion(n, np.zeros(2 * n + sums), np.zeros(K, GAP_RECORD)) for _ in range(3))
-    slopes = np.zeros((rows, max(2 * n + sums, 3 * K)))
+    size, gaps = 2 * n + sums, len(GAP_RECORD.names or ()) * K
+    slopes = np.zeros((ROWS, max(size + gaps + 1 + 2 * n, 3 * K)))
+    old, new, at = (
+        Motion(n, slopes[row, :size], slopes[row, size : size + gaps].view(GAP_RECORD))
+        for row in (OLD, NEW, AT)
+    )
     log = np.zeros(log_rows, EVENT_RECORD), np.zeros((log_rows, sums))
-    records = Records(*log, times, np.zeros((len(times), 2 * n + sums + multipliers + 4 * K)))
+    records = Records(*log, times, np.zeros((len(times), size + multipliers + 4 * K)))
     control, clock = np.zeros(1, CONTROL_RECORD), np.zeros(1, CLOCK_RECORD)
     where = np.array(list(knots), KNOT_RECORD)
-    return Run(None, None, None, contacts, old, new, at, slopes, control, clock, records, where)
+    clock["contacts"], clock["place_of_h"] = contacts.ctypes.data, size + gaps
+    clock["rows"], clock["width"] = slopes.ctypes.data, slopes.strides[0]
+    clock["old"] = slopes[OLD].ctypes.data
+    clock["samples"], clock["sample_width"] = records.samples.ctypes.data, records.samples.strides[0]
+    return Run(tableau(method), contacts, old, new, at, slopes, control, clock, records, where)
+
+
+def plain(parts: Any) -> Any:
+    """Return tuples of arrays without the names of their fields: Numba knows the types of these at once."""
+    return tuple(map(plain, parts)) if isinstance(parts, tuple) else parts
+
+
+@register_jitable
+def run_of(parts: Any) -> Run:
+    """Return the run that plain tuples are."""
+    method, contacts, old, new, at, slopes, control, clock, records, knots = parts
+    tableau = Tableau(method[0], method[1], method[2], method[3], method[4], method[5])
+    states = motion_of(old), motion_of(new), motion_of(at)
+    written = Records(records[0], records[1], records[2], records[3])
+    return Run(tableau, contacts, states[0], states[1], states[2], slopes, control, clock, written, knots)
+
+
+@register_jitable
+def motion_of(parts: Any) -> Motion:
+    """Return the state that a plain tuple is."""
+    return Motion(parts[0], parts[1], parts[2])

@@ -1,7 +1,5 @@
 """What a run keeps of its events on rigid walls (see ``rigid.loop``)."""
 
-from typing import Any
-
 import numpy as np
 
 from reference_solver import failures
@@ -19,18 +17,23 @@ LOG_ROWS = 256
 
 
 class Bouncing:
-    """A run's events on rigid walls: those so far, and who follows."""
+    """A run's events on rigid walls: those so far, and who follows.
+
+    ``look`` is the address of ``walls`` of a kernel, ``p`` that of its numbers.
+    """
 
     def __init__(
-        self, equations: Equations, sums: list[str], look: Any, p: Any, shortest_s: float, lowest: float
+        self, equations: Equations, sums: list[str], look: int, p: int, shortest_s: float, lowest: float
     ) -> None:
         walls = new_walls(equations.mechanism, sums)
         (joints,), (rows, n) = walls.joints.shape, walls.rows.shape
         control = np.zeros(1, CONTROL_RECORD)
         control["shortest_s"], control["lowest"], control["stale"] = shortest_s, lowest, 1
+        control["look"], control["p"] = look, p
+        control["numbers"] = walls.numbers.ctypes.data
         log = np.zeros(LOG_ROWS + settling.ROWS_OF_EVENT * joints, IMPACT_RECORD)
         memory = np.zeros(rows, np.int64), np.zeros((settling.ROWS, n)), np.zeros((joints, joints))
-        self.settling = Settling(look, p, walls, new_hit(joints, rows), control, log, *memory)
+        self.settling = Settling(walls, new_hit(joints, rows), control, log, *memory)
         self.following: tuple[int, ...] = ()
         self.impacts, self.changes = list[types.Impact](), list[ModeChange]()
         self._equations = equations

@@ -23,23 +23,16 @@ face does. Functions return whether they could do what they are for; else ``cont
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import from_dtype
 from numba.extending import register_jitable
-from numba.types import FunctionType, float64, int64
-from numba.types import NamedTuple as NumbaTuple
 
-from reference_solver.contact import types, wall_friction
-from reference_solver.contact.loop import ARRAY, CLOCK, CONTACTS, INNER, MOTION, OPTIONS, TABLE
+from reference_solver.contact import types
+from reference_solver.contact.loop import INNER
 from reference_solver.contact.wall_friction import LEAST_MOBILITY
-from reference_solver.rigid import complementarity, impact
+from reference_solver.machine_code import call
+from reference_solver.rigid import complementarity
 from reference_solver.rigid.impact import Hit, find_impulses
-from reference_solver.rigid.walls import WALL_RECORD, Walls
+from reference_solver.rigid.walls import Walls
 from reference_solver.tape import FloatArray, RecordArray
-
-__all__ = ["OPTIONS", "SETTLE"]
-
-#: Modules whose functions and constants the machine code has taken over.
-COMPILED_WITH = (types, wall_friction, complementarity, impact)
 
 #: A contact row that is this small a part of itself once the ideal joints are eliminated depends on them.
 DEPENDENT = 1e-12
@@ -62,20 +55,20 @@ ROWS = 6
 
 #: A flight shorter than so many seconds, or no higher than ``lowest`` times the distance's round-off, is not
 #: followed; half of that tells pins that touch at one time from others. The rest counts: impacts in the log,
-#: events settled, and those at one time; why there is no way on; whether gaps are of another kernel.
-CONTROL_RECORD = types.record("shortest_s lowest", "logged settled at_once fault stale")
+#: events settled, and those at one time; why there is no way on; whether gaps are of another kernel, and
+#: whether a call is to settle alone; the address of ``walls`` of a kernel without pins that follow, and of
+#: what it is called with.
+CONTROL_RECORD = types.record("shortest_s lowest", "logged settled at_once fault stale alone look p numbers")
 #: An impact in the log (see ``contact.types.Impact``).
 IMPACT_RECORD = types.record("time_s approach normal tangential lost mass", "contact kind")
 
 
 class Settling(NamedTuple):
-    """What pins settle by: ``look(p, contacts, t, y, walls)`` of a kernel, the walls, and memory.
+    """What pins settle by: the walls, and memory.
 
     ``active`` (S,) are rows of the walls, ``vectors`` have n places each, ``plain`` (R, R) is a matrix.
     """
 
-    look: Any
-    p: FloatArray | None
     walls: Walls
     hit: Hit
     control: RecordArray
@@ -85,13 +78,14 @@ class Settling(NamedTuple):
     plain: FloatArray
 
 
-INTEGERS = int64[::1]
-WALLS = NumbaTuple((from_dtype(WALL_RECORD)[::1], TABLE, TABLE, TABLE, ARRAY, ARRAY), Walls)
-HIT = NumbaTuple((TABLE, ARRAY, ARRAY, ARRAY, INTEGERS, ARRAY, ARRAY, ARRAY, ARRAY, TABLE), Hit)
-LOOK = FunctionType(float64(ARRAY, CONTACTS, float64, ARRAY, WALLS))
-OTHERS = (from_dtype(CONTROL_RECORD)[::1], from_dtype(IMPACT_RECORD)[::1], INTEGERS, TABLE, TABLE)
-SETTLING = NumbaTuple((LOOK, ARRAY, WALLS, HIT, *OTHERS), Settling)
-SETTLE = int64(CONTACTS, CLOCK, MOTION, SETTLING)
+@register_jitable
+def settling_of(parts):
+    """Return what pins settle by, of plain tuples (see ``contact.types.plain``)."""
+    (numbers, of_joints, rows, motion, mobility, drivers, free, joints), of_hit = parts[0], parts[1]
+    walls = Walls(numbers, of_joints, rows, motion, mobility, drivers, free, joints)
+    W, u, restitution, friction, tangent, impulse, rubbed, trial, after, room = of_hit
+    hit = Hit(W, u, restitution, friction, tangent, impulse, rubbed, trial, after, room)
+    return Settling(walls, hit, parts[2], parts[3], parts[4], parts[5], parts[6])
 
 
 @register_jitable(**INNER)
@@ -102,15 +96,18 @@ def refuse(s, fault):
 
 
 @register_jitable(**INNER)
-def look(contacts, t, state, s):
+def look(clock, s):
     """Set the walls at a state; return whether it could.
 
     The round-off of speeds that have come out of faster ones is that of the fastest.
     """
-    if not s.look(s.p, contacts, t, state.y, s.walls) < np.inf:
+    now, control = clock[0], s.control[0]
+    if not call(control.look, control.p, now.contacts, now.time, now.old, control.numbers) < np.inf:
         return refuse(s, SINGULAR)
     for j in range(len(s.walls.joints)):
-        joint = s.walls.joints[j]
+        joint, at = s.walls.joints[j], s.walls.of_joints[j]
+        joint.distance, joint.rate, joint.turning, joint.noise = at[0], at[1], at[2], at[3]
+        joint.rate_noise, joint.bare, joint.share = at[4], at[5], at[6]
         joint.rate_noise = joint.fastest_noise = max(joint.rate_noise, joint.fastest_noise)
     return True
 
@@ -254,7 +251,7 @@ def find_short(s):
 
 
 @register_jitable(**INNER)
-def hit_together(contacts, now, state, s):
+def hit_together(clock, state, s):
     """Have the joints that take part hit, and enter the impulses in the log and in the ledger."""
     v, joints, start, again = state.y[state.n : 2 * state.n], s.walls.joints, s.vectors[BEFORE], False
     copy(v, start)
@@ -263,7 +260,7 @@ def hit_together(contacts, now, state, s):
         joint.chosen = joint.takes_part
         joint.approach, joint.leaving, joint.closes = joint.rate, 0.0, 0
         joint.wanted = joint.restitution if joint.hits != 0 else 0.0
-    if not (collide(s, v) and look(contacts, now.time, state, s) and find_short(s)):
+    if not (collide(s, v) and look(clock, s) and find_short(s)):
         return False
     for j in range(len(joints)):
         joint = joints[j]
@@ -275,10 +272,10 @@ def hit_together(contacts, now, state, s):
                 joint.leaving = 0.0 if slow else max(-joint.rate, 0.0)
     if again:
         copy(start, v)
-        if not (collide(s, v) and look(contacts, now.time, state, s) and find_short(s)):
+        if not (collide(s, v) and look(clock, s) and find_short(s)):
             return False
-    enter(now.time, state, s)
-    return catch(contacts, now, state, s) and make_up_for_bounces(contacts, now, state, s)
+    enter(clock[0].time, state, s)
+    return catch(clock, state, s) and make_up_for_bounces(clock, state, s)
 
 
 @register_jitable(**INNER)
@@ -329,7 +326,7 @@ def change_speeds(state, s, k, m):
 
 
 @register_jitable(**INNER)
-def catch(contacts, now, state, s):
+def catch(clock, state, s):
     """Keep pins on their walls that another's impact throws off for too short a flight."""
     joints, thrown = s.walls.joints, False
     for j in range(len(joints)):
@@ -348,11 +345,11 @@ def catch(contacts, now, state, s):
         s.hit.tangent[i] = -1
         s.hit.u[i] = -along(s.walls.rows[s.active[i]], state.y[state.n : 2 * state.n])
     change_speeds(state, s, k, k)
-    return look(contacts, now.time, state, s)
+    return look(clock, s)
 
 
 @register_jitable(**INNER)
-def make_up_for_bounces(contacts, now, state, s):
+def make_up_for_bounces(clock, state, s):
     """Change v by what friction does in bounces that are left out.
 
     Along the normal they give what following gives in as long a time. But impacts rub by all of Coulomb's
@@ -367,7 +364,7 @@ def make_up_for_bounces(contacts, now, state, s):
     for j in range(len(joints)):
         joint = joints[j]
         bounces = joint.takes_part != 0 and joint.leaving > 0.0 and joint.restitution < 1.0
-        if bounces and not (rub_as_bounces(state, s, j) and look(contacts, now.time, state, s)):
+        if bounces and not (rub_as_bounces(state, s, j) and look(clock, s)):
             return False
     return True
 
@@ -450,6 +447,7 @@ def find_hitting(joints):
     return found
 
 
+@register_jitable(**INNER)
 def settle(contacts, clock, state, s):
     """Let the pins that touch rigid walls hit, follow or leave.
 
@@ -461,7 +459,7 @@ def settle(contacts, clock, state, s):
     released = touched if touched >= 0 and contacts[touched].phase != types.FLIGHT else -1
     for j in range(len(joints)):
         joints[j].fastest_noise = 0.0
-    if not look(contacts, now.time, state, s):
+    if not look(clock, s):
         return types.REFUSED
     begin(contacts, s)
     while find_hitting(joints) and turns <= MOST_IN_TURNS and moved:
@@ -469,7 +467,7 @@ def settle(contacts, clock, state, s):
             joint = joints[j]
             comes = joint.rate >= -joint.rate_noise or turns == MOST_IN_TURNS
             joint.takes_part = joint.touches != 0 and comes
-        if not hit_together(contacts, now, state, s):
+        if not hit_together(clock, state, s):
             return types.REFUSED
         turns, moved = turns + 1, False
         for c in range(state.n):

@@ -4,7 +4,6 @@ They push along rows D of {q'}: of every joint with a rigid wall the inward norm
 friction the tangential one (see ``contact.walls``). The ideal joints hold; no pin follows its wall.
 """
 
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from reference_solver.equations import Answer, Equations
 from reference_solver.mechanism.contact_laws import FRICTION_LAWS, RigidWall
 from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State
-from reference_solver.tape import Array, FloatArray, RecordArray, Scalar, array, named
+from reference_solver.tape import Array, FloatArray, RecordArray, Scalar, array
 
 #: A joint: its restitution, minimum impact speed and coefficient of friction, its number among the contacts,
 #: of its tangent in D, or -1, and of its normal impulse in the sums, behind which are its losses. At a state:
@@ -29,23 +28,28 @@ WALL_RECORD = record(
     "fastest_noise approach leaving wanted normal tangential lost force",
     "contact tangent column touches follows hits takes_part closes short chosen",
 )
-#: What of it belongs to a state.
+#: What of it belongs to a state: the fields of a ``Separation``, and those of its wall.
 OF_STATE = ("distance", "rate", "turning", "noise", "rate_noise")
+OF_WALL = (*OF_STATE, "bare", "share")
 
 
 class Walls(NamedTuple):
     """R joints with rigid walls at a state of n coordinates: ``WALL_RECORD`` (R,), and S rows D.
 
     ``rows`` are D (S, n); ``motion`` (S, n) are {q'} per unit of each impulse, ``mobility`` (S, S) speeds
-    along all rows, ``drivers`` (S,) the work of the drivers. ``free`` (n,) are the accelerations.
+    along all rows, ``drivers`` (S,) the work of the drivers. ``free`` (n,) are the accelerations. All that
+    belongs to a state is in ``numbers``: of every joint ``OF_WALL`` (R, 7), then the arrays, which are views.
     """
 
-    joints: RecordArray
+    numbers: FloatArray
+    of_joints: FloatArray
+
     rows: FloatArray
     motion: FloatArray
     mobility: FloatArray
     drivers: FloatArray
     free: FloatArray
+    joints: RecordArray
 
 
 def rigid_joints(mechanism: Mechanism) -> list[tuple[int, ClearanceJoint, RigidWall]]:
@@ -63,8 +67,13 @@ def new_walls(mechanism: Mechanism, sums: list[str]) -> Walls:
         of["contact"], of["column"], of["tangent"] = k, sums.index(f"normal{k}"), -1
         if joint.friction is not None:
             of["coefficient"], of["tangent"], row = joint.friction.coefficient, row, row + 1
-    rows, motion = np.zeros((2, row, n))
-    return Walls(joints, rows, motion, np.zeros((row, row)), np.zeros(row), np.zeros(n))
+    shapes = (len(rigid), len(OF_WALL)), (row, n), (row, n), (row, row), (row,), (n,)
+    ends = np.cumsum([np.prod(shape, dtype=int) for shape in shapes])
+    numbers = np.zeros(ends[-1])
+    parts: list[Any] = [
+        part.reshape(shape) for part, shape in zip(np.split(numbers, ends[:-1]), shapes, strict=True)
+    ]
+    return Walls._make([numbers, *parts, joints])
 
 
 def walls_at(
@@ -79,9 +88,7 @@ def walls_at(
     at = [separation(joint, state) for joint in joints]
     tangents = [each.tangent for each, joint in zip(at, joints, strict=True) if joint.friction is not None]
     D = array([*(-each.normal for each in at), *tangents])
-    motion, reactions = equations.factors(named("B", system.B, "(1) [B]")).solve(
-        D.T, np.zeros((len(system.C), len(D)))
-    )
+    motion, reactions = equations.factors(system.B).solve(D.T, np.zeros((len(system.C), len(D))))
     W = D @ motion
     fields = [
         {name: getattr(each, name) for name in OF_STATE}
@@ -102,12 +109,3 @@ def _share(joint: ClearanceJoint, sliding: Scalar) -> Scalar:
     """Return friction as a part of the normal force, at a sliding speed."""
     law: Any = joint.friction
     return 0.0 if law is None else law.coefficient * FRICTION_LAWS[law.kind](law, sliding)
-
-
-def stores_of(fields: list[dict[str, Scalar]], arrays: dict[str, Array]) -> Iterator[tuple[str, Scalar]]:
-    """Return what ``walls_at`` returns, each number with its place in ``walls``."""
-    for number, joint in enumerate(fields):
-        yield from ((f"walls.joints[{number}].{name}", value) for name, value in joint.items())
-    for name, values in arrays.items():
-        for place, value in np.ndenumerate(values):
-            yield f"walls.{name}[{', '.join(map(str, place))}]", value

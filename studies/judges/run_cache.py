@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 from llvmlite.binding import get_host_cpu_name
 
 from engine_models.engine import RunSettings, Trajectory
-from engine_models.kernels import made_once, read_checked, write_checked
+from engine_models.kernels import read_kept, write_kept
 from engine_models.scene.parts import AnyScene
 from studies.case import project_code, versions
 
@@ -51,10 +51,9 @@ def kept(
     run = engine, scene.model_dump_json(), settings
     text = repr((*code, *run, platform.machine(), get_host_cpu_name()))
     name = f"run-{hashlib.sha256(text.encode()).hexdigest()[:32]}.pickle"
-    with made_once(name):
-        if (content := read_checked(name)) is not None:
-            found: Kept = pickle.loads(content)
-            return found
-        made = make()
-        write_checked(name, pickle.dumps(made))
-        return made
+    if (content := read_kept(name)) is not None:
+        found: Kept = pickle.loads(content)
+        return found
+    made = make()
+    write_kept(name, pickle.dumps(made))
+    return made

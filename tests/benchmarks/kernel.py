@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.scene.library import clearance_driven_05, ideal_driven
-from reference_solver.compiled.kernel import source_of
-from reference_solver.compiled.store import load_kernel
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solver import ErrorControl, Stabilisation, StepChoice
+from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.benchmarks.clearance import ByC, Run, difference, run_by_kernel
-from tests.helpers.kernels import scene_case, topology_of
+from tests.helpers.kernels import scene_case
 
 FloatArray = NDArray[np.float64]
 #: Takes a turn as long as the number given, in units of its own; returns its seconds and its steps.
@@ -41,21 +39,16 @@ IDEAL_TARGET, CLEARANCE_TARGET = 1.1, 1.5
 
 
 class Kernel:
-    """The generated kernel of an ideal mechanism."""
+    """The reference solver with equal steps, on an ideal mechanism."""
 
     def __init__(self, mechanism: Mechanism, q: FloatArray, stabilisation: Stabilisation = "none") -> None:
-        topology = topology_of(mechanism, stabilisation)
-        self._kernel = load_kernel(source_of(topology.marked()))
-        self._parameters = topology.parameters(self._kernel, q)
-        self.advance(q.copy(), np.zeros_like(q), 0.0, 0)  # compiled here, not in the first turn
+        self._solver = Solver(mechanism, q, StepChoice(STEP_S), stabilisation)
 
-    def advance(self, q: FloatArray, v: FloatArray, first: float, count: int) -> float:
-        """Take steps in place; return the driver's work."""
-        y = np.concatenate([q, v, np.zeros(2)])
-        done, _ = self._kernel.advance(self._parameters, y, STEP_S, float(first), count)
-        assert done == count, f"the kernel stopped after {done} of {count} steps"
-        q[:], v[:], (work, _) = np.split(y, [len(q), 2 * len(q)])
-        return float(work)
+    def advance(self, q: FloatArray, v: FloatArray, first: float, count: int) -> float:  # noqa: ARG002
+        """Take steps in place, from the start; return the driver's work."""
+        run = self._solver.run(q, v, count * STEP_S, 1)
+        q[:], v[:] = run.q[-1], run.v[-1]
+        return float(run.sums["drivers"][-1])
 
 
 Stepper = CLoop | Kernel

@@ -39,7 +39,6 @@ ENGINES = {
 METHODS = {
     ("reference method=dop853", "everything"): None,
     ("reference method=dopri5", "everything"): None,
-    ("reference kernel=readable", "free"): 4,
     ("reference stabilisation=none", "everything"): 4,
     ("reference stabilisation=baumgarte", "everything"): 4,
     ("exudyn solver=GeneralizedAlpha", "everything"): 2,

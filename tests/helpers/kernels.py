@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from engine_models.mechanics.assembly import assembled
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
-from reference_solver.compiled.kernel import Topology
 from reference_solver.equations import Baumgarte
+from reference_solver.kernel import Topology
 from reference_solver.mechanism.mechanism import (
     GROUND,
     Mechanism,

@@ -41,11 +41,10 @@ def run(
     samples: int = 10,
     **settings: Any,
 ) -> Solution:
-    """Return a run, as Python unless it is to be compiled; an integer is a number of steps."""
+    """Return a run; an integer is a number of steps."""
     choice = StepChoice(end_s / step) if isinstance(step, int) else step
-    asked = {"compiled": False, **settings}
     start = np.array(q, dtype=float), np.array(v, dtype=float)
-    return solve(mechanism, *start, end_time_s=end_s, samples=samples, step=choice, **asked)
+    return solve(mechanism, *start, end_time_s=end_s, samples=samples, step=choice, **settings)
 
 
 def lambert(a: float) -> float:

@@ -1,10 +1,12 @@
 """Error control: its order, its tolerance, located events, crank-sliders, and where it ends."""
 
+import ctypes
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
@@ -14,9 +16,9 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES
-from reference_solver.compiled.faces import with_fields
-from reference_solver.contact import controlled_step, smooth_loop
-from reference_solver.contact.types import CONTACT_RECORD, new_run
+from reference_solver.contact.controlled_step import Course, trial
+from reference_solver.contact.types import CONTACT_RECORD, WEIGHT, new_run, plain, run_of
+from reference_solver.kernel import Kernel, Topology
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, RevoluteJoint
 from reference_solver.methods import dop853, tableau
@@ -40,12 +42,12 @@ PENDULUM = Mechanism((Body(MASS, INERTIA),), (RevoluteJoint(GROUND, (0.0, 0.0), 
 def controlled(
     mechanism: Mechanism, q: list[float], v: list[float], end: float, tolerance: float, samples: int = 10
 ) -> Solution:
-    return run(mechanism, q, v, end, ErrorControl(tolerance), samples, compiled=True)
+    return run(mechanism, q, v, end, ErrorControl(tolerance), samples)
 
 
 def swung(end: float, control: ErrorControl) -> Solution:
     """Return the run of a pendulum that turns over, from its lowest point."""
-    return run(PENDULUM, [0.0, -ARM, 0.0], [SPIN * ARM, 0.0, SPIN], end, control, 1, compiled=True)
+    return run(PENDULUM, [0.0, -ARM, 0.0], [SPIN * ARM, 0.0, SPIN], end, control, 1)
 
 
 def turn_s() -> float:
@@ -190,7 +192,7 @@ def test_other_units_change_nothing(rigid: bool, controlled: bool) -> None:
         rod = Mechanism((body,), (), (), GRAVITY * L / T**2, (joint,))
         step = ErrorControl(1e-9) if controlled else StepChoice(2e-5 * T)
         v = [0.1 * L / T, 0.0, 1.0 / T]
-        return run(rod, [-0.01 * L, 0.0, 0.0], v, 0.05 * T, step, compiled=True)
+        return run(rod, [-0.01 * L, 0.0, 0.0], v, 0.05 * T, step)
 
     expected = rubbed(1.0, 1.0, 1.0)
     assert len(expected.impacts) > 3
@@ -211,17 +213,23 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
     huge = 1.5e154 / abs(third[row])
     assert abs(third[row]) > 2 * abs(fifth[row]) > 0
 
-    def slopes(*state: Any) -> float:
-        *_, number, _rate, _y, out = state
-        out[number] = huge if number == row else 0.0
+    disc = Mechanism((Body(1.0, 1.0),), (), (), 0.0)
+    kernel = Kernel(Topology(disc, method=dop853()), np.zeros(3))
+    run = new_run(dop853(), np.zeros(0, CONTACT_RECORD), (3, 2, 0), np.zeros(0), 0)
+    kernel.bind(run)
+    run.slopes[WEIGHT, :6] = 1.0
+    (now,) = run.clock
+
+    def rates(*given: Any) -> float:
+        number = (given[-1] - now["rows"]) // now["width"]
+        run.slopes[number, 0] = huge if number == row else 0.0
         return 1.0
 
-    run = new_run(np.zeros(0, CONTACT_RECORD), (1, 0, 0), np.zeros(0), controlled_step.ROWS, 0)
-    run.slopes[controlled_step.WEIGHT] = 1.0
-    kernel = smooth_loop.Kernel(slopes, None, None)
-    of = with_fields(run._replace(kernel=kernel, method=method))
-    with np.errstate(all="ignore"):
-        assert controlled_step.trial(of, controlled_step.Course(0.0, 0.0, 0.0), 1.0) == np.inf
+    number = ctypes.c_int64
+    called = ctypes.CFUNCTYPE(ctypes.c_double, number, number, ctypes.c_double, number, number)(rates)
+    now["rates"] = ctypes.cast(called, ctypes.c_void_p).value
+    tried = njit(lambda parts: trial(run_of(parts), Course(0.0, 0.0, 0.0), 1.0), error_model="numpy")
+    assert tried(plain(run)) == np.inf
 
 
 # Crank-sliders

@@ -31,7 +31,7 @@ def thrown(
     mechanism: Mechanism, step: StepChoice | ErrorControl, end_s: float, spin: float = 0.0
 ) -> Solution:
     """Return the run of a pin that is thrown along x."""
-    return run(mechanism, [0.0] * 3, [SPEED, 0.0, spin], end_s, step, 1, compiled=True)
+    return run(mechanism, [0.0] * 3, [SPEED, 0.0, spin], end_s, step, 1)
 
 
 @cache
@@ -186,7 +186,7 @@ def test_a_law_that_would_pull_is_clipped_on_a_line_of_its_own_or_pulls(may_pull
         contacts=(bearing(law),),
     )
     rates = [0.0, -came, 0.0, 0.0, rise, 0.0]
-    found = run(mechanism, start, rates, 0.1, StepChoice(2e-5, 1000), 50, compiled=True)
+    found = run(mechanism, start, rates, 0.1, StepChoice(2e-5, 1000), 50)
     q, v, lost = found.q, found.v, found.losses_J()
     stretch = np.hypot(q[:, 3] - q[:, 0], q[:, 4] - q[:, 1]) - free_length
     stored = stiffness * np.maximum(depths(found)[:, 0], 0.0) ** 2.5 / 2.5

@@ -41,7 +41,7 @@ def test_a_disc_slides_around_its_bearing_at_order_four_to_the_closed_form() -> 
     counts, errors = [200, 400, 800], dict[str, list[float]]()
     for count in counts:
         start = ([CLEARANCE, 0.0, 0.0], [0.0, speed, spin])
-        found = run(disc(wide(law), inertia=INERTIA), *start, end, count, compiled=True)
+        found = run(disc(wide(law), inertia=INERTIA), *start, end, count)
         along = speed / (1 + mu * speed * found.time_s / CLEARANCE)
         turning = spin + MASS * PIN / INERTIA * (along - speed)
         assert (along + PIN * turning).min() > 0.5, "friction is saturated throughout"
@@ -70,7 +70,7 @@ def test_sliding_back_and_forth_closes_the_ledger_at_order_four() -> None:
     law, end, counts = FrictionLaw("tanh", 0.4, 0.2), 1.0, [2000, 4000, 8000]
     rod = Mechanism((Body(MASS, 3e-4),), (), (), GRAVITY, (wide(law, point=(-0.1, 0.0)),))
     q = [0.1 * np.cos(-0.4), -CLEARANCE + 0.1 * np.sin(-0.4), -0.4]
-    found = [run(rod, q, [0.0] * 3, end, count, 100, compiled=True) for count in counts]
+    found = [run(rod, q, [0.0] * 3, end, count, 100) for count in counts]
     assert all(one.closed.all() for one in found)
     assert found[-1].friction_force_N.min() < -0.1 < 0.1 < found[-1].friction_force_N.max()
     residuals = [float(np.abs(energy_residual_J(one)).max()) for one in found]
@@ -115,9 +115,8 @@ def test_friction_lifts_the_rear_pin_of_a_block_that_tips() -> None:
 
 
 @pytest.mark.parametrize(("kind", "dead"), [("saturated-linear", 0.0), ("ambrosio", 0.1), ("tanh", 0.0)])
-@pytest.mark.parametrize("compiled", [False, True], ids=["readable", "compiled"])
 def test_a_step_too_long_for_the_friction_is_cut(
-    kind: Literal["saturated-linear", "ambrosio", "tanh"], dead: float, compiled: bool
+    kind: Literal["saturated-linear", "ambrosio", "tanh"], dead: float
 ) -> None:
     mu, full = 0.3, 0.2
     law = FrictionLaw(kind, mu, full, dead)
@@ -134,7 +133,7 @@ def test_a_step_too_long_for_the_friction_is_cut(
         Equations.required(*state, h=1.001 * limit)
     # The sliding of 0.12 m/s is damped in steps of half a decay time at most, and never grows.
     end = 10 * limit
-    found = run(spinning, *start, end, 10, compiled=compiled)
+    found = run(spinning, *start, end, 10)
     assert found.steps >= end * rate / 0.5
     sliding = np.hypot(*found.v[:, :2].T) + PIN * np.abs(found.v[:, 2])
     assert sliding.max() <= sliding[0] * (1 + ROUND_OFF)

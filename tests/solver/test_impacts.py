@@ -30,7 +30,7 @@ def settled(
     mechanism: Mechanism, q: FloatArray, v: FloatArray, time_s: float = 0.0
 ) -> tuple[FloatArray, list[Impact]]:
     """Return the velocities after the pins that touch have hit, and their impacts."""
-    after = Rebounds(mechanism, q, LOWEST_FLIGHT, compiled=False)(time_s, q, v)
+    after = Rebounds(mechanism, q, LOWEST_FLIGHT)(time_s, q, v)
     return after.v, after.impacts
 
 
@@ -44,7 +44,7 @@ def beam(arm: float, restitution: float) -> Mechanism:
 def test_two_pins_that_land_at_once_bounce_alike_and_come_to_rest_with_half_of_the_weight_each() -> None:
     e, end, steps = 0.5, 0.1, 1000
     start = np.zeros(3), np.zeros(3)
-    found = solve(beam(0.13, e), *start, end_time_s=end, samples=10, step=end / steps, compiled=False)
+    found = solve(beam(0.13, e), *start, end_time_s=end, samples=10, step=end / steps)
     assert len(found.impacts) % 2 == 0
     pairs = list(zip(found.impacts[::2], found.impacts[1::2], strict=True))
     assert all((a.contact, b.contact, a.time_s, a.kind) == (0, 1, b.time_s, b.kind) for a, b in pairs), (

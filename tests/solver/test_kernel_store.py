@@ -1,46 +1,60 @@
 """Machine code kept between processes: what is damaged is made again, what others could write is refused."""
 
 import errno
-import math
 import os
 import re
-import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
+import llvmlite.binding as llvm
+import numpy as np
 import pytest
 
-from reference_solver.compiled import checked_files
-from reference_solver.compiled.checked_files import made_once
-from reference_solver.compiled.folder import FolderRefused, private_folder, say_once, writable_folder
-from reference_solver.compiled.store import kernel_folder, load_kernel, njit
+from reference_solver import machine_code
+from reference_solver.kept_files import (
+    FolderRefused,
+    kernel_folder,
+    private_folder,
+    say_once,
+    writable_folder,
+)
 from tests.helpers.command import crankslider
 
-SOURCE = """from reference_solver.compiled.store import njit
-
-@njit(cache=True)
-def twice(x):
-    return 2.0 * x
+#: A function that stores p[0] y[0], and returns 1.
+TEXT = f"""
+define double @scaled({machine_code.ARGUMENTS}, ptr noalias %out) {{
+  %factor = load double, ptr %p
+  %number = load double, ptr %y
+  %product = fmul double %factor, %number
+  store double %product, ptr %out
+  ret double 1.0
+}}
 """
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("CRANKSLIDER_CACHE", str(tmp_path / "cache"))
-    for memory in (load_kernel, say_once):
-        memory.cache_clear()
-    yield tmp_path / "cache"
-    load_kernel.cache_clear()
+    say_once.cache_clear()
+    return tmp_path / "cache"
 
 
-def loaded() -> bool:
-    """Return whether a new process would load the kernel; either way it computes what it should."""
-    load_kernel.cache_clear()
-    kernel: ModuleType = load_kernel(SOURCE)
-    assert kernel.twice(21.0) == 42.0
-    return bool(kernel.twice.stats.cache_hits)
+def loaded(text: str = TEXT, factor: float = 2.0) -> bool:
+    """Return whether a function's code was there before; either way it computes what it should."""
+    made = []
+    real = llvm.parse_assembly
+
+    def parse(text: str) -> object:
+        made.extend([text] * bool(text))
+        return real(text)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(llvm, "parse_assembly", parse)
+        function = machine_code.compile_text(text, ["scaled"])["scaled"]
+    p, y, out = np.array([factor]), np.array([21.0]), np.zeros(1)
+    assert function(p.ctypes.data, 0, 0.0, y, out) == 1.0
+    assert out[0] == factor * 21.0
+    return not made
 
 
 def the_file() -> Path:
@@ -82,17 +96,10 @@ def test_a_file_of_somebody_else_is_made_again(monkeypatch: pytest.MonkeyPatch) 
     assert not loaded()
 
 
-def test_another_source_other_options_and_other_arguments_have_code_of_their_own() -> None:
-    for _ in range(2):
-        load_kernel.cache_clear()
-        kernel: ModuleType = load_kernel(SOURCE)
-        assert (kernel.twice(21.0), kernel.twice(2.0 + 1.0j)) == (42.0, 4.0 + 2.0j)
-        assert load_kernel(SOURCE.replace("2.0", "3.0")).twice(2.0) == 6.0
-    assert len(list(kernel_folder().iterdir())) == 3
-    inverse: Callable[[float], float] = load_kernel("def inverse(x):\n    return 1.0 / x\n").inverse
-    assert njit(cache=True, error_model="numpy")(inverse)(0.0) == math.inf
-    with pytest.raises(ZeroDivisionError):
-        njit(cache=True)(inverse)(0.0)
+def test_another_text_has_code_of_its_own() -> None:
+    other = TEXT.replace("fmul", "fmul contract")
+    assert [loaded(), loaded(other), loaded(), loaded(other, 3.0)] == [False, False, True, True]
+    assert len(list(kernel_folder().iterdir())) == 2
 
 
 def test_the_folders_are_private_whatever_the_mask(cache: Path) -> None:
@@ -172,24 +179,3 @@ def test_the_commands_refuse_such_a_folder_in_one_line(cache: Path, tmp_path: Pa
     assert done.stderr.startswith(f"error: {kernel_folder()}: expected a folder that only you can write")
     assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == [cache]
-
-
-def test_what_is_made_by_one_is_waited_for_by_the_others_but_not_for_ever(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    inside, most = [0], [0]
-
-    def make(_: int) -> None:
-        with made_once("thing"):
-            inside[0] += 1
-            most[0] = max(most[0], inside[0])
-            time.sleep(0.02)
-            inside[0] -= 1
-
-    with ThreadPoolExecutor(4) as threads:
-        list(threads.map(make, range(4)))
-    assert most == [1]
-    assert not list(kernel_folder().glob("*.lock"))
-    monkeypatch.setattr(checked_files, "WAIT_S", 0.1)
-    with made_once("thing"), made_once("thing"):  # the other one hangs
-        pass

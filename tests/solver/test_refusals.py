@@ -48,7 +48,7 @@ KINDS = "saturated-linear or ambrosio or tanh"
 def run(**changes: Any) -> object:
     """Run a pendulum at rest with something else than it should have; as Python numbers, to be quick."""
     asked: dict[str, Any] = {"q": STILL, "v": STILL, "end_time_s": 0.1, "samples": 2, "step": 0.01} | changes
-    return solve(PENDULUM, asked.pop("q"), asked.pop("v"), compiled=False, **asked)
+    return solve(PENDULUM, asked.pop("q"), asked.pop("v"), **asked)
 
 
 def joint(**changes: Any) -> ClearanceJoint:
@@ -65,7 +65,7 @@ def made(*constraints: Any, loads: tuple[Any, ...] = (), **more: Any) -> Mechani
 
 
 def kept(step: StepChoice) -> Solver:
-    return Solver(PENDULUM, STILL, step, compiled=False)
+    return Solver(PENDULUM, STILL, step)
 
 
 #: Fields, what is expected of them, what is given, and in what call.

@@ -109,7 +109,7 @@ def test_a_graze_within_one_step_is_not_missed_and_a_near_miss_is_none() -> None
 def test_a_pin_slower_than_round_off_is_not_waited_for(speed: float) -> None:
     # In a step it moves by less than the spacing of its coordinate, so that by its gaps it stands.
     start, end = [0.6 * CLEARANCE, 0.2 * CLEARANCE, 0.0], 1e-3
-    found = run(pinned(0.6), start, [-speed, 0.0, 0.0], end, 100, compiled=True)
+    found = run(pinned(0.6), start, [-speed, 0.0, 0.0], end, 100)
     close(found.q[-1], start, speed * end + ROUND_OFF * CLEARANCE, "place in m")
     assert found.steps <= 200
 
@@ -265,7 +265,7 @@ def test_bounces_that_are_left_out_have_rubbed(shortest_s: float) -> None:
     heavy = Mechanism((Body(MASS, 1e8),), (), (), GRAVITY, (pin,))
     start = np.array([0.0, height - wide, 0.0]), np.array([sliding, -falling, 0.0])
     step = StepChoice(1e-3, closing_flight_fraction=shortest_s / 1e-3)
-    found = solve(heavy, *start, end_time_s=4e-3, samples=8, step=step, compiled=False)
+    found = solve(heavy, *start, end_time_s=4e-3, samples=8, step=step)
     assert found.closed[-1].all()
     # All bounces push by m v (1 + e)/(1 - e), and rub by the coefficient's part of that (Coulomb).
     arrives = np.sqrt(falling**2 + 2 * GRAVITY * height)
@@ -284,7 +284,7 @@ def test_ends_of_a_beam_that_hit_in_turns_lose_all_speed_however_close_they_are(
     walls = (ClearanceJoint(GROUND, (x, 0.0), 0, (x, 0.0), 5e-4, 0.01, RigidWall(0.1)) for x in (-arm, arm))
     beam = Mechanism((Body(mass, mass * arm**2 / 10),), (), (), GRAVITY, tuple(walls))
     start = np.array([0.0, -5e-4 + 2 * later_m, later_m / arm]), np.array([0.0, -1.0, 0.0])
-    found = solve(beam, *start, end_time_s=1e-6, samples=2, step=1e-8, compiled=False)
+    found = solve(beam, *start, end_time_s=1e-6, samples=2, step=1e-8)
     kinetic = kinetic_energy_J(beam, found.v)
     assert kinetic[-1] < 1e-10 * kinetic[0], kinetic[-1] / kinetic[0]
     assert abs(energy_residual_J(found)[-1]) < 1e-9 * kinetic[0]
@@ -300,7 +300,7 @@ def test_a_pin_at_rest_on_a_rigid_wall_leaves_when_a_compliant_one_lifts_it() ->
     ]
     lifted = Mechanism((Body(MASS, 1e-4),), (), (), GRAVITY, tuple(pins))
     low = np.array([0.0, -CLEARANCE, 0.0])
-    found = solve(lifted, low, np.zeros(3), end_time_s=1e-4, samples=4, step=1e-5, compiled=False)
+    found = solve(lifted, low, np.zeros(3), end_time_s=1e-4, samples=4, step=1e-5)
     assert not found.mode_changes
     # The spring is pressed by 0.1 mm: 100 N.
     assert found.normal_force_N[0] == pytest.approx([0.0, 100.0], rel=1e-10)

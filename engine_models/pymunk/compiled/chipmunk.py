@@ -12,8 +12,8 @@ from numba import types
 from numba.extending import intrinsic, register_jitable
 from pymunk._chipmunk_cffi import ffi, lib
 
-#: Of everything that is compiled here; all memory is the caller's, so that no references need be counted.
-OPTIONS = {"error_model": "numpy", "_nrt": False}
+#: Of everything that is compiled here.
+OPTIONS = {"error_model": "numpy"}
 INNER = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 #: A pointer to whatever.

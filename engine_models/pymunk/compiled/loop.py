@@ -4,18 +4,12 @@ import math
 
 from numba.extending import register_jitable
 
-from engine_models.mechanics import contact_law
-from engine_models.pymunk.compiled import chipmunk, compliant_contact, pin, records
-from engine_models.pymunk.compiled import loads as loads_of
+from engine_models.kernels import compiled
 from engine_models.pymunk.compiled.chipmunk import INNER, OPTIONS, read, set_sweeps, space_step, write
 from engine_models.pymunk.compiled.compliant_contact import push
 from engine_models.pymunk.compiled.loads import add_line, add_spring, add_torque, hold
 from engine_models.pymunk.compiled.pin import enter_means, locate, touches_within
 from engine_models.pymunk.compiled.records import CONTACT, LOST
-
-#: Modules whose text the machine code has taken over, and the options that it is compiled with.
-COMPILED_WITH = (chipmunk, compliant_contact, contact_law, loads_of, pin, records)
-__all__ = ["COMPILED_WITH", "OPTIONS", "START_KICKS", "advance", "stay"]
 
 #: Kicks that have the full number of sweeps (see ``stepping``), and are read.
 START_KICKS = 6
@@ -28,6 +22,7 @@ AT_ONCE = 8.0
 ROOM = 1e-6
 
 
+@compiled(**OPTIONS)
 def advance(
     run, bodies, state, before, at, loads, turn, held, lines, torques, springs, curves, pieces, pins, kicks,
     turns, rows, out,

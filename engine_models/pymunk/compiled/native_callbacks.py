@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from engine_models.pymunk.compiled import chipmunk, loads, pin, records
 from engine_models.pymunk.compiled.chipmunk import (
     BODY,
     BUFFER,
-    OPTIONS,
     POINTS,
     get_impulse,
     get_state,
@@ -19,10 +17,6 @@ from engine_models.pymunk.compiled.chipmunk import (
 )
 from engine_models.pymunk.compiled.pin import enter_means, locate, speeds
 from engine_models.pymunk.compiled.records import CONTACT, KICK, PIN, RUN
-
-#: Modules whose text the machine code has taken over, and the options that it is compiled with.
-COMPILED_WITH = (chipmunk, loads, pin, records)
-__all__ = ["COMPILED_WITH", "NATIVE", "OPTIONS", "record", "rewrite"]
 
 #: What a collision's functions find: the records of run and pin, and where the pin's kicks are entered; the
 #: bodies of bearing and pin and the buffer of their states; a set of contact points; the buffer of an

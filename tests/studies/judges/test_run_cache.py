@@ -8,7 +8,7 @@ from engine_models.engine import RunSettings
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from reference_solver.compiled.folder import VARIABLE, kernel_folder
+from reference_solver.kept_files import VARIABLE, kernel_folder
 from studies.judges import run_cache
 from studies.judges.run_cache import kept_run
 from tests.helpers.arrays import arrays

@@ -1,5 +1,10 @@
-"""Where compiled kernels are kept. What is read there runs, so the folder must be this user's alone."""
+"""Files that processes keep for later ones in a folder of this user's alone: what is read there runs.
 
+Each begins with a checksum of the rest and takes its place in one move. So what a kill, a full disk or a hand
+has damaged is made again, and of processes that make the same the last one's is kept.
+"""
+
+import hashlib
 import logging
 import os
 import stat
@@ -9,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from secrets import token_hex
 
 import platformdirs
 
@@ -18,11 +24,7 @@ WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 ROOT_USER = 0
 
 
-class KernelsRefused(Exception):
-    """There can be no machine code; the message says why, and how to mend that."""
-
-
-class FolderRefused(KernelsRefused):
+class FolderRefused(Exception):
     """Somebody else could have put machine code into the folder; the message says how to mend that."""
 
 
@@ -48,20 +50,60 @@ def private_folder() -> Path:
     return folder
 
 
-def is_own(status: os.stat_result, *others: int) -> bool:
-    """Return whether a file or folder belongs to this user, or to one of the others."""
+def _is_own(status: os.stat_result, *others: int) -> bool:
     return sys.platform == "win32" or status.st_uid in (os.geteuid(), *others)
 
 
 def _require_private(folder: Path, status: os.stat_result, *owners: int) -> None:
     elsewhere = f"set {VARIABLE} to a folder of your own"
-    if not is_own(status, *owners):
+    if not _is_own(status, *owners):
         got = f"one of user {status.st_uid}: {elsewhere}"
     elif status.st_mode & WRITABLE_BY_OTHERS and sys.platform != "win32":  # there permissions say nothing
         got = f"permissions {stat.S_IMODE(status.st_mode):04o}: run chmod go-w on it, or {elsewhere}"
     else:
         return
     raise FolderRefused(f"{folder}: expected a folder that only you can write to, got {got}")
+
+
+def read_kept(name: str) -> bytes | None:
+    """Return what ``write_kept`` wrote, None if it is not there or no longer the same.
+
+    Raises:
+        FolderRefused: others could have written it.
+    """
+    try:
+        with (private_folder() / name).open("rb") as file:
+            content = file.read() if _is_own(os.fstat(file.fileno())) else b""
+    except OSError:
+        return None
+    data = content[hashlib.sha256().digest_size :]
+    if content == _checksum(name, data) + data:
+        return data
+    say_once(f"{kernel_folder()}: expected files as they were kept, got damaged ones: making them again")
+    return None
+
+
+def write_kept(name: str, data: bytes) -> None:
+    """Keep data under a name; where that cannot be done say so once and go on.
+
+    Raises:
+        FolderRefused: others could replace it.
+    """
+    try:
+        folder = private_folder()
+        new = folder / f"{name}.{token_hex(8)}"
+        try:
+            new.write_bytes(_checksum(name, data) + data)
+            new.replace(folder / name)
+        finally:
+            new.unlink(missing_ok=True)
+    except OSError as error:
+        _say_not_kept(error, "every process makes its own")
+
+
+def _checksum(name: str, data: bytes) -> bytes:
+    """Return what data begin with under a name, so that those of another name are noticed too."""
+    return hashlib.sha256(name.encode() + data).digest()
 
 
 @contextmanager
@@ -77,7 +119,7 @@ def writable_folder() -> Iterator[None]:
         with tempfile.TemporaryFile(dir=private_folder(), buffering=0) as file:
             file.write(bytes(2**16))  # on a full disk an empty file can be made
     except OSError as error:
-        say_not_kept(error, "a temporary one is used")
+        _say_not_kept(error, "a temporary one is used")
         with temporary_folder():
             yield
     else:
@@ -99,10 +141,10 @@ def temporary_folder() -> Iterator[None]:
                 os.environ[VARIABLE] = usual
 
 
-def say_not_kept(error: OSError, instead: str) -> None:
-    """Say once that kernels cannot be kept, why, and what is done instead."""
-    reason = error.strerror or error
-    say_once(f"{kernel_folder()}: expected a folder to keep kernels in, got '{reason}': {instead}")
+def _say_not_kept(error: OSError, instead: str) -> None:
+    say_once(
+        f"{kernel_folder()}: expected a folder to keep kernels in, got '{error.strerror or error}': {instead}"
+    )
 
 
 @cache

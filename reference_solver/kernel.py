@@ -1,0 +1,313 @@
+"""The compiled functions of a mechanism: the equations of its topology on tapes, as machine code.
+
+What the mechanism does not contain does not occur: no zero entry, no absent load, no arm of a pin at a centre
+of mass. Its numbers are inputs, so that one compilation serves every mechanism of the same topology. All
+functions have one form (see ``machine_code``). A state y has q, q' and sums, gaps of the contacts
+(``contact.types.GAP_RECORD``), and for a step its length h and what rounding has taken from q and q'.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import count
+
+import numpy as np
+
+from reference_solver.contact.force import gap
+from reference_solver.contact.types import CONTACT_RECORD, GAP_RECORD, OLD, Run
+from reference_solver.equations import Answer, Baumgarte, Equations
+from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, known_numbers
+from reference_solver.mechanism.lifting import lifted, tables_in
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.points import State
+from reference_solver.methods import RK4, Method, step
+from reference_solver.rigid.walls import OF_WALL, rigid_joints, walls_at
+from reference_solver.tape import Array, FloatArray, Node, Scalar, Tape, Value, array, both, choose
+
+GAP_FIELDS = len(GAP_RECORD.names or ())
+#: Bodies beyond which a step calls ``rates`` and ``project`` in place of having them written out.
+LARGEST_INLINE = 16
+
+
+@dataclass(frozen=True)
+class Topology:
+    """What a kernel is written for: a mechanism, its stabilisation, and the pins that follow rigid walls.
+
+    The numbers in it are a mechanism's own, or marks (see ``marked``).
+    """
+
+    mechanism: Mechanism
+    baumgarte: Baumgarte | None = None
+    projected: bool = False
+    following: tuple[int, ...] = ()
+    method: Method = RK4
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return 3 * len(self.mechanism.bodies)
+
+    def marked(self) -> Topology:
+        """Return the topology with a mark for every number: equal for all mechanisms of one topology."""
+        mechanism, baumgarte = lifted((self.mechanism, self.baumgarte), lambda _: 2.0)
+        return replace(self, mechanism=mechanism, baumgarte=baumgarte)
+
+    def numbers(self) -> tuple[list[float], list[float]]:
+        """Return the mechanism's numbers in the order of ``equations_on``, and those of its tables."""
+        tables, numbers = tables_in(self.mechanism), list[float]()
+        sizes = [len(table.rows) for table in tables]
+        places = (table.placed(sum(sizes[k + 1 :])) for k, table in enumerate(tables))
+        lifted((self.mechanism, self.baumgarte), numbers.append, placed=lambda _: next(places))
+        return numbers, [number for table in tables for number in table.rows]
+
+    @property
+    def by_events(self) -> bool:
+        """Whether the loop that lands on events runs it: of contacts, or knots of motions and loads."""
+        return self.mechanism.has_knots or bool(self.mechanism.contacts or self.mechanism.gas)
+
+    def equations_on(self, tape: Tape) -> Equations:
+        """Return the equations on a tape, with the raw numbers as inputs r0, r1, ..., known before a run."""
+        places = count()
+
+        def number(_: float) -> Scalar:
+            return tape.input(f"r{next(places)}", known=True)
+
+        mechanism, baumgarte = lifted((self.mechanism, self.baumgarte), number)
+        q_start = np.array([number(0.0) for _ in range(self.n)], dtype=object)
+        return Equations(mechanism, q_start, baumgarte, self.following)
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a function of a kernel is given: a topology's equations and a state, in numbers or on a tape.
+
+    ``phases`` (K, 2) are phase and memory of every contact; ``h`` and ``lost`` (2n,) are of a step. A
+    function that is to be called in place of being written out is in ``called``, with what it returns.
+    """
+
+    topology: Topology
+    equations: Equations
+    t: Scalar
+    q: Array
+    v: Array
+    phases: Array
+    h: Scalar = 0.0
+    lost: Array | None = None
+    called: dict[str, list[Scalar]] | None = None
+
+    def answer(self, t: Scalar, q: Array, v: Array) -> Answer:
+        """Return the equations' answer."""
+        if self.called is None:
+            return self.equations.answer(t, q, v, self.phases)
+        n, names = self.equations.n, self.equations.power_names
+        rest = self._call("rates", t, q, v)[n:]
+        a, powers, (removed, damper, condition) = rest[:n], rest[n:-3], rest[-3:]
+        by_name = dict(zip(names, powers, strict=True))
+        return Answer(array(a), np.zeros(0), by_name, [], removed, damper, condition)
+
+    def project(self, t: Scalar, q: Array, v: Array) -> tuple[Array, Array, Scalar, Scalar]:
+        """Return q and q' on the constraints, the energy removed, and success."""
+        if self.called is None:
+            return self.equations.project(t, q, v, self.phases)
+        n = self.equations.n
+        new = self._call("project", t, q, v)
+        return array(new[:n]), array(new[n : 2 * n]), new[2 * n], new[-1] < math.inf
+
+    def _call(self, name: str, t: Scalar, q: Array, v: Array) -> list[Scalar]:
+        """Return what a function returns; what it has as a number, it is here too."""
+        assert self.called is not None
+        results = self.called[name]
+        values = self.h.tape.call(name, [t, *q, *v], [""] * len(results))
+        return [new if isinstance(x, Value) else x for new, x in zip(values, results, strict=True)]
+
+
+# ------------------------------------------------------- functions: what they store, and the condition
+
+
+def rates(given: Given) -> list[Scalar]:
+    """Rates of q, q' and the sums (2n + s,), and the rate of the damper that friction of pins is.
+
+    A projection acts between steps: the rate of what it removes is zero.
+    """
+    answer = given.answer(given.t, given.q, given.v)
+    powers = answer.powers.values()
+    slopes = [*given.v, *answer.accelerations, *powers, answer.removed_W]
+    return [*slopes, answer.damper_per_s, answer.condition]
+
+
+def forces(given: Given) -> list[Scalar]:
+    """{lambda} of the mechanism's own rows, then normal force and friction of every contact."""
+    answer = given.answer(given.t, given.q, given.v)
+    normal = [answer.powers[f"normal{k}"] for k in range(len(answer.friction_N))]
+    of_contacts = [force for pair in zip(normal, answer.friction_N, strict=True) for force in pair]
+    return [*answer.multipliers[: given.equations.own_rows], *of_contacts, answer.condition]
+
+
+def project(given: Given) -> list[Scalar]:
+    """q and q' on the constraints, and the energy removed; as they are without a projection."""
+    if not given.topology.projected:
+        return [*given.q, *given.v, 0.0, 1.0]
+    q, v, removed, ok = given.project(given.t, given.q, given.v)
+    return [*q, *v, removed, choose(ok, 1.0, math.inf)]
+
+
+def gaps(given: Given) -> list[Scalar]:
+    """The fields of every contact's gap.
+
+    Whether pins that follow rigid walls are pressed against them takes an answer.
+    """
+    powers, condition = dict[str, Scalar](), 1.0
+    if given.topology.following:
+        answer = given.equations.answer(given.t, given.q, given.v, given.phases)
+        powers, condition = answer.powers, answer.condition
+    fields: list[Scalar] = []
+    for k, joint in enumerate(given.equations.mechanism.contacts):
+        phase, memory = given.phases[k]
+        pressing = powers.get(f"normal{k}", 0.0)
+        fields += gap(joint, phase, memory, State(given.q, given.v), pressing).values()
+    return [*fields, condition]
+
+
+def mobilities(given: Given) -> list[Scalar]:
+    """Three mobilities of every contact (see ``Equations.mobilities``)."""
+    return [*given.equations.mobilities(given.q), 1.0]
+
+
+def walls(given: Given) -> list[Scalar]:
+    """What rigid walls have to know (see ``rigid.walls``): numbers of every joint, then the arrays."""
+    answer = given.equations.answer(given.t, given.q, given.v, given.phases)
+    joints, arrays = walls_at(given.equations, answer, given.t, given.q, given.v)
+    numbers = [joint[name] for joint in joints for name in OF_WALL]
+    return [*numbers, *(x for part in arrays.values() for x in np.asarray(part).ravel()), answer.condition]
+
+
+def stepped(given: Given) -> list[Scalar]:
+    """q, q' and sums of the step alone after a step of h, the gaps, 0 for h, and what rounding has taken."""
+    projected = given.project if given.topology.projected else None
+    method, answer, state = given.topology.method, given.answer, (given.t, given.q, given.v)
+    after = step(method, answer, projected, *state, given.h, given.lost)
+    end = replace(given, t=given.t + given.h, q=after.q, v=after.v)
+    *fields, condition = gaps(end)
+    ok = both(after.ok, condition < math.inf)
+    y = [*after.q, *after.v, *after.sums.values(), after.removed, *fields]
+    return [*y, 0.0, *after.lost, choose(ok, after.condition, math.inf)]
+
+
+#: The functions of a kernel by their names.
+FUNCTIONS: dict[str, Callable[[Given], list[Scalar]]] = {
+    "rates": rates,
+    "forces": forces,
+    "project": project,
+    "gaps": gaps,
+    "mobilities": mobilities,
+    "walls": walls,
+    "step": stepped,
+}
+
+
+@dataclass(frozen=True)
+class Program:
+    """The text of a kernel's functions, and what p has: the known nodes that they load."""
+
+    text: str
+    names: tuple[str, ...]
+    parameters: tuple[Node, ...]
+
+
+@cache
+def program_of(topology: Topology) -> Program:
+    """Return the program of a marked topology; it has ``step`` if the method has no steps of its own."""
+    texts, parameters, results = list[str](), dict[Node, int](), dict[str, list[Scalar]]()
+    names = [*FUNCTIONS]
+    if topology.method.embedded:
+        names.remove("step")
+    if topology.following or not rigid_joints(topology.mechanism):
+        names.remove("walls")
+    large = len(topology.mechanism.bodies) > LARGEST_INLINE
+    for name in names:
+        tape = Tape()
+        given = given_on(tape, topology, results if large and name == "step" else None)
+        results[name] = FUNCTIONS[name](given)
+        places = places_of(topology, given.equations)
+        texts.append(FunctionText(name, tape, results[name], places, parameters).text)
+    return Program(HEAD + "".join(texts), tuple(names), tuple(parameters))
+
+
+def given_on(tape: Tape, topology: Topology, called: dict[str, list[Scalar]] | None) -> Given:
+    """Return a topology's equations and a state on a tape."""
+    n, contacts = topology.n, topology.mechanism.contacts
+    phases = [
+        [0.0 if joint.rigid else tape.input(f"{field} {k}") for field in ("phase", "memory")]
+        for k, joint in enumerate(contacts)
+    ]
+    q, v, lost = tape.inputs("q ", n), tape.inputs("v ", n), tape.inputs("lost ", 2 * n)
+    equations, t, h = topology.equations_on(tape), tape.input("t"), tape.input("h 0")
+    return Given(topology, equations, t, q, v, array(phases), h, lost, called)
+
+
+def places_of(topology: Topology, equations: Equations) -> Callable[[str], tuple[str, int]]:
+    """Return what tells array and place of an input by its name and number."""
+    n, fields = topology.n, CONTACT_RECORD.names or ()
+    h = place_of_h(n, len(equations.power_names) + 1, len(topology.mechanism.contacts))
+    first = {"q": 0, "v": n, "h": h, "lost": h + 1}
+
+    def place(name: str) -> tuple[str, int]:
+        letters, k = name.split()
+        if letters in fields:
+            return "contacts", len(fields) * int(k) + fields.index(letters)
+        return "y", first[letters] + int(k)
+
+    return place
+
+
+def place_of_h(n: int, sums: int, contacts: int) -> int:
+    """Return where a state has a step's length: behind q, q', sums and gaps."""
+    return 2 * n + sums + GAP_FIELDS * contacts
+
+
+class Kernel:
+    """The functions of a topology, compiled, with p of a mechanism and its start ``q_start`` (n,).
+
+    ``p`` is an address, that of its numbers.
+    """
+
+    def __init__(self, topology: Topology, q_start: FloatArray) -> None:
+        self.topology, program = topology, program_of(topology.marked())
+        self._by_name = compiled_program(program)
+        own, of_tables = topology.numbers()
+        raw = {f"r{k}": x for k, x in enumerate([*own, *q_start])}
+        with np.errstate(all="ignore"):  # a singular mechanism is found in the run
+            numbers = known_numbers(program.parameters, raw)
+        self._numbers = np.array([*of_tables, *numbers], dtype=float)
+        self.p = self._numbers.ctypes.data + 8 * len(of_tables)
+
+    def bind(self, run: Run) -> None:
+        """Have a run call these functions."""
+        run.clock["p"] = self.p
+        for name, function in self._by_name.items():
+            if name != "walls":
+                run.clock[name] = function.address
+
+    def set_gaps(self, run: Run) -> None:
+        """Set the contacts' gaps of a run's motion at its present time."""
+        (now,), y = run.clock, run.slopes[OLD]
+        gaps = y[len(run.old.y) :]
+        self["gaps"](self.p, run.contacts.ctypes.data, float(now["time"]), y, gaps)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The functions' names."""
+        return tuple(self._by_name)
+
+    def __getitem__(self, name: str) -> Function:
+        """Return a function by its name."""
+        return self._by_name[name]
+
+
+@cache
+def compiled_program(program: Program) -> dict[str, Function]:
+    """Return the functions of a program."""
+    return compile_text(program.text, program.names)
