@@ -21,7 +21,7 @@ from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
 from studies.failures import Failed
-from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, followed, solved, truth_by
+from studies.judges.converged_truth import INDEPENDENT, TRUE, converged, followed, solved, truth_by
 from studies.judges.metrics import COVERAGE
 from studies.settings import END_S
 
@@ -58,7 +58,7 @@ def reference_solution(scene: AnyScene, samples: int) -> TrueRun:
     return TrueRun(
         scene,
         "truth",
-        cast(Engine, COLLOCATION),
+        cast(Engine, TRUE),
         replace(known, contacts=ended),
         tuple(warnings),
         certain_m=max(COVERAGE * apart, resolution),

@@ -8,6 +8,8 @@ import pytest
 
 from engine_models.engine import Contact, Impacts, Trajectory
 from engine_models.mechanics.samples import selected
+from engine_models.minimal.sharp import SharpSolver
+from engine_models.reference.engine import SHARPEST, ReferenceEngine
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
 from studies.judges import converged_truth
@@ -134,8 +136,9 @@ def test_the_first_repeat_that_parts_by_ten_nanometres_ends_the_comparison(
 
 
 def test_a_truth_and_what_tells_its_uncertainty_are_found_in_different_ways() -> None:
-    assert converged_truth.COLLOCATION.method != converged_truth.EXTRAPOLATION.method
-    assert converged_truth.EXTRAPOLATION.tolerance < converged_truth.COLLOCATION.tolerance
+    assert isinstance(converged_truth.TRUE, SharpSolver)
+    assert isinstance(converged_truth.CONFIRMING, ReferenceEngine)
+    assert converged_truth.CONFIRMING.step_tolerance == SHARPEST
 
 
 def test_a_slider_that_leaves_its_guide_with_all_joints_closed_has_a_speed() -> None:
