@@ -181,7 +181,7 @@ def _longest_s(scene: AnyScene, arm: Arm) -> float:
 
 def turns_of(scene: AnyScene) -> float:
     """Return how often the crank, or what turns, may turn round by its fastest speed; once at least."""
-    return max(1.0, scene.end_time_s * np.abs(speeds_rad_s(scene)).max() / (2 * np.pi))
+    return max(1.0, scene.end_time_s * float(np.abs(speeds_rad_s(scene)).max()) / (2 * np.pi))
 
 
 def speeds_rad_s(scene: AnyScene) -> FloatArray:
