@@ -55,7 +55,7 @@ publish: .venv/.ready
 	    { echo "error: commit the code first, so that the published results can name it"; exit 2; }
 	rm -rf results && $(BIN)/crankslider run
 	$(BIN)/python -m reports.publication reports/published results
-	rm -rf reports/published/truth && $(BIN)/python -m studies.command.truth reports/published/truth
+	rm -rf reports/published/truth && $(BIN)/python -m crankslider.reference_solutions reports/published/truth
 
 # What studies need, and no more. Modules are compiled when they are first imported, which most never are.
 .venv/.study: study.lock pyproject.toml

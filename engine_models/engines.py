@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from engine_models.engine import Engine
-from engine_models.scene.plain_words import meant, one_of, refusal, shown
+from engine_models.scene.plain_words import one_of, refusal, unknown
 
 #: The group of entry points by which installed packages bring engines.
 GROUP = "crankslider.engines"
@@ -99,5 +99,5 @@ def _place(name: str) -> tuple[str, str]:
     module, colon, attribute = name.partition(":")
     if name not in _CLASSES and not (module and colon and attribute.isidentifier()):
         expected = one_of([*ENGINES, "my_module:MyEngine"])
-        raise ValueError(f"engine: expected {expected}, got {shown(name)}{meant(name, ENGINES)}")
+        raise ValueError(unknown("engine", name, ENGINES, expected))
     return _CLASSES.get(name, (module, attribute))

@@ -18,7 +18,7 @@ from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
 from studies.case import Case
-from studies.failures import BadInput, Failed, note, progress_console, writing
+from studies.failures import BadInput, Failed, log, progress_console, writing
 from studies.judges.comparison import Judged, compared, judged
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
 from studies.judges.metrics import energy_balance_residual_J, is_force, sizes
@@ -156,22 +156,20 @@ def read(folder: Path) -> pd.DataFrame:
         return pd.read_csv(folder / FILE, comment="#")[[*RUN, *FLOORS]]
     except (OSError, ValueError, KeyError) as reason:
         todo = '--accept --why "..." writes one'
-        raise BadInput(f"--baselines: expected {folder / FILE}, got '{reason}': {todo}") from None
+        raise BadInput(f"baselines: expected {folder / FILE}, got '{reason}': {todo}") from None
 
 
-def compare_or_accept(engines: Collection[str], folder: Path, why: str | None) -> None:
-    """Compare the numbers of some engines with a folder's table, or write it anew with the reason ``why``.
-
-    Raises:
-        Failed: numbers left their bands; they are printed.
-    """
+def compare_or_accept(engines: Collection[str], folder: Path, why: str | None) -> list[str]:
+    """Return what ``differences`` says of some engines' numbers, or write the table anew with a reason."""
     measured = measure_all(engines)
-    if why:
-        text = measured.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-        with writing("--baselines", folder):
-            folder.mkdir(parents=True, exist_ok=True)
-            write_whole(folder / FILE, f"# {' '.join(why.split())}\n{text}".encode())
-    elif lines := differences(measured, read(folder)):
-        print("\n".join(lines))
-        raise Failed(f"{len(lines)} numbers left their bands")
-    note(f"{measured[[*FLOORS]].count().sum()} numbers are {'accepted' if why else 'within their bands'}")
+    count = measured[[*FLOORS]].count().sum()
+    if not why:
+        lines = differences(measured, read(folder))
+        log.info(f"{count - len(lines)} of {count} numbers are within their bands")
+        return lines
+    text = measured.to_csv(index=False, float_format="%.4g", lineterminator="\n")
+    with writing("baselines", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(folder / FILE, f"# {' '.join(why.split())}\n{text}".encode())
+    log.info(f"{count} numbers are accepted")
+    return []

@@ -89,7 +89,7 @@ class Cluster:
 
 
 def _refusal(expected: str, came: str) -> BadInput:
-    return BadInput(f"--scheduler: expected {expected}, got {came}")
+    return BadInput(f"scheduler: expected {expected}, got {came}")
 
 
 def _contained(call: Callable[[Any], T], item: Any) -> T | Ended:

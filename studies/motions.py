@@ -16,7 +16,7 @@ from engine_models.scene.library import SCENES
 from engine_models.scene.parts import LINEAR_LAWS
 from engine_models.scene.scene import ContactLaw, Scene
 from studies.case import Case, Curves, Row
-from studies.command.trajectory_table import sample_columns
+from studies.judges.columns import sample_columns
 from studies.judges.comparison import compared, judged
 from studies.judges.metrics import conserved
 from studies.ladders import ladder

@@ -21,7 +21,7 @@ from studies.judges import horizon
 from studies.judges.kinds import turns_steadily
 from studies.judges.metrics import checked
 from studies.ladders import Rung
-from studies.sweeps.measure import summary
+from studies.sweep import summary
 
 NAME, HORIZON = "predictability", "horizon"
 #: Tolerances on the slider's position by the words in the names of columns.

@@ -13,7 +13,7 @@ STUDIES = {
     "motions": "studies.motions",
 }
 #: Studies of one scene of the user's, which commands of their own run.
-OF_ONE_SCENE = {"comparison": "studies.comparison.study", "sweep": "studies.sweeps.measure"}
+OF_ONE_SCENE = {"comparison": "studies.compare", "sweep": "studies.sweep"}
 
 
 def study_module(name: str) -> str:

@@ -24,15 +24,14 @@ class Workers(Protocol):
 def run_studies(
     names: Sequence[str],
     full: bool,
-    jobs: int,
     out: Path,
-    cluster: Workers | None = None,
+    workers: Workers,
     retry_failed: bool = False,
     only: Collection[str] = (),
 ) -> None:
     """Run the named studies into the store in ``out``, skipping every case that is there already.
 
-    Cases run in ``jobs`` processes of this machine or on a cluster, timed ones here and one at a time. If
+    Cases run by ``workers``, timed ones on this machine and one at a time. If
     engines are named, ``only`` theirs are run. ``retry_failed`` runs again what is there but neither finished
     nor was refused.
 
@@ -42,11 +41,11 @@ def run_studies(
         OSError: the folder cannot be written.
     """
     cases = {name: load_study(name).cases(full) for name in names}
-    with Pool(jobs) as pool, Store(out) as store, store.held():
+    with Store(out) as store, store.held():
         for name in names:
             store.describe(name, provenance(full, cases[name]))
         asked = {name: [case for case in of if not only or case.engine in only] for name, of in cases.items()}
-        run_cases(asked, store, cluster or pool, retry_failed)
+        run_cases(asked, store, workers, retry_failed)
 
 
 def run_cases(

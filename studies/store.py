@@ -71,7 +71,7 @@ class Store:
             except sqlite3.OperationalError:
                 todo = "wait for it, or name another folder"
                 raise BadInput(
-                    f"--out: expected a folder that no other run holds, got {self.path.parent}: {todo}"
+                    f"out: expected a folder that no other run holds, got {self.path.parent}: {todo}"
                 ) from None
             yield
 

@@ -6,6 +6,7 @@ from typing import Any, cast, get_args
 
 from typer.main import get_command
 
+from crankslider.command import app
 from engine_models.engine import UnsupportedScene
 from engine_models.engines import engine_class, make_engine
 from engine_models.scene import general, loads, parts, scene
@@ -13,7 +14,6 @@ from engine_models.scene.data import SceneData
 from engine_models.scene.drives import Drive
 from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.plain_words import expectation, fields, shown
-from studies.command.main import app
 
 
 def _kind(drive: type[SceneData]) -> str:

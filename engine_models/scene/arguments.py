@@ -8,10 +8,19 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, ParamSpec, TypeVar, get_type_hints
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, create_model
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    create_model,
+)
 from pydantic_core import PydanticCustomError
 
 from engine_models.scene.plain_words import BadInput, expect, refusal
+from engine_models.scene.units import NUMBER, in_unit
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -33,6 +42,26 @@ def _has_a_name(place: str | Path) -> str | Path:
 
 #: Where a file or a folder is, or is to be.
 Place = Annotated[str | Path, AfterValidator(_has_a_name), expect("a path")]
+
+
+def in_words(unit: str = "") -> Any:
+    """Return what in an annotation takes a number as text too, and with a unit."""
+
+    def number(value: object) -> object:
+        if not isinstance(value, str):
+            return value
+        if NUMBER.fullmatch(value):
+            return int(value) if value.isdigit() and len(value) < MOST_DIGITS else float(value)
+        return in_unit(value, unit) if unit else value
+
+    return BeforeValidator(number)
+
+
+#: An integer of more digits is none that anybody means.
+MOST_DIGITS = 20
+#: Times in s, lengths in m and counts as people type them.
+Seconds = Annotated[float, Field(gt=0, ge=1e-100, json_schema_extra={"unit": "s"}), in_words("s")]
+Metres = Annotated[float, Field(gt=0, json_schema_extra={"unit": "m"}), in_words("m")]
 
 
 def check_arguments(function: Callable[P, R]) -> Callable[P, R]:

@@ -12,7 +12,7 @@ from engine_models.scene.drives import PRESCRIBED, Drive, TableDrive, TorqueDriv
 from engine_models.scene.loads import Load
 from engine_models.scene.mechanism import levers_m, mechanism_data, pins_of, point_of, state_of
 from engine_models.scene.parts import Clearance, GeneralParts, Observed, PlacedStart
-from engine_models.scene.plain_words import meant, one_of, shown
+from engine_models.scene.plain_words import one_of, shown, unknown
 from reference_solver.mechanism.data import DriveData, MechanismData
 from reference_solver.tape import FloatArray
 
@@ -137,7 +137,7 @@ def _known(path: str, name: str, choices: Iterable[str], what: str) -> None:
     choices = list(choices)
     if name not in choices:
         expected = f"{what} ({', '.join(choices)})" if choices else f"{what}, of which there is none"
-        raise ValueError(f"{path}: expected {expected}, got {shown(name)}{meant(name, choices)}")
+        raise ValueError(unknown(path, name, choices, expected))
 
 
 def _check_names(scene: GeneralParts) -> None:
@@ -200,9 +200,8 @@ def _check_observed(scene: GeneralParts, pins: Mapping[str, list[str]]) -> None:
     of = {"angle": ("a body", [*scene.body]), "along": ("a guide", [*scene.guide])}
     what, choices = of.get(axis, ("a pin of a body", [pin for pin in pins if pins[pin] != ["ground"]]))
     if name not in choices:
-        near = meant(name, choices)
         known = ", ".join(f"{each}.{axis}" for each in choices) or "none"
-        raise ValueError(f"observe: expected {what} ({known}), got {shown(scene.observe)}{near}")
+        raise ValueError(unknown("observe", name, choices, f"{what} ({known})", shown(scene.observe)))
     if scene.turning:
         _known("turning", scene.turning, scene.body, "a body")
 

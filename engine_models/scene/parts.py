@@ -7,7 +7,7 @@ A place is one number, on the x axis of the body, or a pair of numbers.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 import tomli_w
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
@@ -29,7 +29,7 @@ from engine_models.scene.data import (
 )
 from engine_models.scene.drives import PRESCRIBED, Drive, FreeDrive
 from engine_models.scene.loads import Load
-from engine_models.scene.plain_words import expect
+from engine_models.scene.plain_words import expect, one_of, shown
 from reference_solver.mechanism.data import HERTZ_EXPONENT, MechanismData, Point
 from reference_solver.mechanism.data import LINEAR_LAWS as LINEAR_LAWS
 from reference_solver.mechanism.data import Guide as Line
@@ -57,6 +57,7 @@ ContactLaw = Literal[
     "rigid",
 ]
 FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
+_FRICTION_LAWS = one_of([shown(law) for law in get_args(FrictionLaw)])
 
 #: Laws that know no restitution, and laws whose damping factor divides by it.
 LAWS_WITHOUT_RESTITUTION: tuple[ContactLaw, ...] = ("linear", "kelvin-voigt", "hertz")
@@ -105,7 +106,9 @@ class Spring(SceneData):
 class Friction(SceneData):
     """Friction in a joint with clearance; the dead band belongs to Ambrosio's law alone."""
 
-    law: FrictionLaw
+    law: Annotated[
+        FrictionLaw, expect(f"{_FRICTION_LAWS}, whose force rises over regularisation_speed_m_s from rest")
+    ]
     coefficient: NonNegative
     regularisation_speed_m_s: Positive
     dead_band_speed_m_s: Positive | None = None

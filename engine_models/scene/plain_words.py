@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from engine_models.scene.bad_input import BadInput as BadInput
 from engine_models.scene.units import NUMBER, unit_of
 
 JsonSchema = dict[str, Any]
@@ -28,15 +29,6 @@ UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
 NO_TAG = ("union_tag_invalid", "union_tag_not_found")
 #: Longest piece of the input that a message repeats, and most reasons that it gives.
 LONGEST, MOST_REASONS = 60, 3
-
-
-class BadInput(ValueError):
-    """Input was refused. The message names the field, what was expected and what came, in one line."""
-
-    def __str__(self) -> str:
-        """Return the message, with what cannot be printed on one line as Python writes it."""
-        characters = super().__str__()
-        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in characters)
 
 
 def expect(words: str) -> Any:
@@ -73,11 +65,15 @@ def one_of(choices: list[str]) -> str:
     return " or ".join([", ".join(choices[:-1]), choices[-1]] if len(choices) > 1 else choices)
 
 
-def meant(came: object, choices: Iterable[str]) -> str:
-    """Return which of the choices was meant, to stand behind a refusal; nothing if none is like what came."""
+def unknown(field: str, came: object, choices: Iterable[str], expected: str = "", got: str = "") -> str:
+    """Return the refusal of what is none of the choices: first which of them was meant, if one is like it.
+
+    ``expected`` are words for the choices, ``got`` for what came, where these are not to stand as they are.
+    """
     known = {choice.lower(): choice for choice in choices}
     near = get_close_matches(typed(came).lower(), list(known), n=1)
-    return f" (did you mean {known[near[0]]}?)" if near else ""
+    meant = f"did you mean {known[near[0]]}? " if near else ""
+    return f"{field}: {meant}expected {expected or one_of([*known.values()])}, got {got or shown(came)}"
 
 
 def shown(value: object) -> str:
@@ -119,7 +115,7 @@ def no_numbers(values: Mapping[str, object], kind: Any, prefix: str = "") -> str
 def refusal(error: ValidationError, kind: Any, prefix: str = "") -> str:
     """Return why pydantic refused input for ``kind`` in one line.
 
-    The prefix goes before each field: ``--`` for the options of a command line.
+    The prefix goes before each field.
     """
     return "; ".join(refusals(error, kind, prefix))
 
@@ -128,7 +124,7 @@ def refusals(error: ValidationError, kind: Any, prefix: str = "") -> list[str]:
     """Return why pydantic refused input for ``kind``: the first reasons, and how many more there are."""
     root = TypeAdapter(kind).json_schema()
     reasons = [prefix + _reason(details, root) for details in error.errors()]
-    reasons = list({reason.partition(": expected ")[0]: reason for reason in reasons}.values())
+    reasons = list({reason.partition(": ")[0]: reason for reason in reasons}.values())
     more = len(reasons) - MOST_REASONS  # each type that a field may have gives a reason: the last one stays
     return [*reasons[:MOST_REASONS], f"and {more} more"] if more > 0 else reasons
 
@@ -140,26 +136,27 @@ def _reason(error: ErrorDetails, root: JsonSchema) -> str:
     if error["type"] in UNKNOWN_KEY:
         path, section = _follow(error["loc"][:-1], root)
         known, key = list(section["properties"]), _key(error["loc"][-1])
-        expected = f"the key {one_of(known)}"
-        return f"{'.'.join([*path, key])}: expected {expected}, got an unknown key{meant(key, known)}"
+        return unknown(".".join([*path, key]), key, known, f"the key {one_of(known)}", "an unknown key")
     if error["type"] in NO_TAG:
         path, union = _follow(error["loc"], root)
         tag = union["discriminator"]["propertyName"]
         choices = list(union["discriminator"]["mapping"])
         given = error["input"] if isinstance(error["input"], Mapping) else {}
-        came = f"{shown(given[tag])}{meant(given[tag], choices)}" if tag in given else "nothing"
-        return f"{'.'.join([*path, tag])}: expected {one_of(list(map(shown, choices)))}, got {came}"
+        came = "" if tag in given else "nothing"
+        expected = one_of(list(map(shown, choices)))
+        return unknown(".".join([*path, tag]), given.get(tag, ""), choices, expected, came)
     path, field = _follow(error["loc"], root)
     given = error["input"]
     if error["loc"][-1:] == ("[key]",) and "propertyNames" in field:
         path, field = [*path, _key(error["loc"][-2])], field["propertyNames"]
-    came = "nothing" if error["type"] == "missing" else f"{shown(given)}{meant(given, field.get('enum', ()))}"
-    return f"{'.'.join(path)}: expected {expectation(field)}{_or_quantity(error, path, field)}, got {came}"
+    came = "nothing" if error["type"] == "missing" else shown(given)
+    expected = expectation(field) + _or_quantity(error, path, field)
+    return unknown(".".join(path), given, field.get("enum", ()), expected, came)
 
 
 def _or_quantity(error: ErrorDetails, path: list[str], field: JsonSchema) -> str:
     """Return what else is taken where text stands for a number that has a unit, as a mapping's have by it."""
-    unit = next((unit for name in reversed(path) if (unit := unit_of(name))), None)
+    unit = field.get("unit") or next((unit for name in reversed(path) if (unit := unit_of(name))), None)
     is_number = expectation(field).startswith(NUMERIC) and isinstance(error["input"], str)
     return f", or text with a unit such as '1 {unit}'" if unit and is_number else ""
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from engine_models.scene.plain_words import shown
 from engine_models.scene.text_files import UnreadableFile, read_text
-from engine_models.scene.units import NUMBER
+from engine_models.scene.units import NUMBER, converted
 
 #: The columns of tables by the kind of drive, of one on a guide, of gas and of loads by time. Of those in
 #: OPTIONAL a table has one at least.
@@ -109,20 +109,24 @@ def _columns(path: Path, columns: tuple[str, ...], field: str) -> dict[str, list
     if columns == BY_TIME:
         columns = tuple(column for column in BY_TIME if column not in OPTIONAL or column in head)
         columns = columns if len(columns) > 1 else (*columns, OPTIONAL[0])
+    places, factors = dict[str, int](), dict[str, float]()
     for column in columns:
-        if head.count(column) != 1:
+        like = [other for other in head if other == column] or [it for it in head if converted(column, it)]
+        if len(like) != 1:
             came = shown(", ".join(head)) if head else "nothing"
             expected = f"{field}: {path}: expected the columns {', '.join(columns)} in its first line"
             raise BadTable(f"{expected}, got {came}")
+        places[column] = head.index(like[0])
+        factors[column] = 1.0 if like[0] == column else float(converted(column, like[0]) or 1.0)
     out: dict[str, list[float]] = {column: [] for column in columns}
     for line_number, line in lines[1:]:
         for column in columns:
-            place = head.index(column)
+            place = places[column]
             typed = line[place].strip() if place < len(line) else ""
             number = typed.replace(",", ".") if separator == ";" else typed
             if not (NUMBER.fullmatch(number) and math.isfinite(float(number))):
                 came = shown(typed) if typed else "nothing"
                 expected = f"{field}: {path} line {line_number}: expected a finite number for {column}"
                 raise BadTable(f"{expected}, got {came}")
-            out[column].append(float(number))
+            out[column].append(factors[column] * float(number))
     return out

@@ -82,6 +82,20 @@ def unit_of(name: str) -> str | None:
     return UNITS[max(ends, key=len)] if ends else None
 
 
+def converted(name: str, other: str) -> float | None:
+    """Return by what numbers of a column ``other`` become those of a field: 1e-3 of time_ms for time_s.
+
+    None where they are not the same but for the unit.
+    """
+    unit = unit_of(name)
+    ends = [end for end in UNITS if unit and f"_{name}".endswith(f"_{end}")]
+    stem = name.removesuffix(max(ends, key=len, default=""))
+    if not (ends and other.startswith(stem)):
+        return None
+    factor = in_unit(f"1 {other.removeprefix(stem).replace('_', ' ')}", UNITS[max(ends, key=len)])
+    return factor if isinstance(factor, float) else None
+
+
 def in_own_units(data: Mapping[str, Any], **units: str) -> dict[str, Any]:
     """Return fields with numbers in place of text with a unit, in lists and mappings too.
 
@@ -89,15 +103,15 @@ def in_own_units(data: Mapping[str, Any], **units: str) -> dict[str, Any]:
     text, and is refused later.
     """
     fields = ((name, value, units.get(name) or unit_of(name)) for name, value in data.items())
-    return {name: _number(value, unit) if unit else value for name, value, unit in fields}
+    return {name: in_unit(value, unit) if unit else value for name, value, unit in fields}
 
 
-def _number(value: Any, unit: str) -> Any:
+def in_unit(value: Any, unit: str) -> Any:
     """Return a value with every quantity in it as a number in a unit."""
     if isinstance(value, list | tuple):
-        return [_number(each, unit) for each in value]
+        return [in_unit(each, unit) for each in value]
     if isinstance(value, Mapping):
-        return {name: _number(each, unit) for name, each in value.items()}
+        return {name: in_unit(each, unit) for name, each in value.items()}
     typed = QUANTITY.fullmatch(value) if isinstance(value, str) else None
     if typed is None:
         return value

@@ -109,7 +109,7 @@ def _read(folder: Path) -> tuple[dict[str, Results], list[str]]:
             missing.append(study)
     if not studies:
         raise NoResults(
-            f"--results: expected the results of a study, got none in {folder}: `crankslider run` makes some"
+            f"results: expected the results of a study, got none in {folder}: `crankslider run` makes some"
         )
     return studies, missing
 

@@ -2,7 +2,7 @@
 
 import re
 from base64 import b64encode
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from textwrap import fill
 
@@ -35,13 +35,18 @@ UM_PER_M = 1e6
 
 
 def time_plot(
-    frame: pd.DataFrame, title: str, quality: str, mark: tuple[float, float, str] | None = None
+    frame: pd.DataFrame,
+    title: str,
+    quality: str,
+    mark: tuple[float, float, str] | None = None,
+    columns: Sequence[str] = (),
 ) -> Picture:
     """Return the figure of a table of samples whose index is the time in s, with its quality in words below.
 
-    ``mark`` is a time in s, a force in N there, and its name.
+    ``mark`` is a time in s, a force in N there, and its name. It has a panel for each of the ``columns``, or
+    without any for those that a mechanism is about.
     """
-    panels = _panels(frame)
+    panels = {axis_label(name): {"": frame[name]} for name in columns} or _panels(frame)
     with mpl.rc_context(RC):
         picture = Picture(PANEL_IN * len(panels) + MARGINS_IN)
         picture.suptitle(title, fontsize=10)

@@ -12,7 +12,7 @@ from engine_models.engine import Engine, Impacts, RunSettings, T, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
-from studies.conformance.claims import (
+from studies.conform import (
     CLAIMS,
     Finding,
     Trial,

@@ -1,17 +1,20 @@
 """An engine from outside takes part without a change to any file: it is named by its module and class."""
 
+import json
 import subprocess
 import sys
 from collections.abc import Collection
+from io import StringIO
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from engine_models import engines
 from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from studies.case import code_of
-from studies.conformance.orders import states_its_accuracy
+from studies.conform import states_its_accuracy
 from studies.store import Store
 from tests.helpers.command import crankslider
 
@@ -143,6 +146,19 @@ def test_its_numbers_are_held_to_a_table_of_its_own(written: Path) -> None:
     assert left == {"force_error_N", "peak_force_error_N"}
 
 
+def test_a_table_of_another_solver_is_held_to_the_reference_solution(tmp_path: Path) -> None:
+    run = crankslider("simulate", "ideal-driven", "--end", 0.004, "--samples", 40, "--engine", "exudyn")
+    table = pd.read_csv(StringIO(run.stdout))[["time_s", "slider_position_m", "joint_A_force_x_N"]]
+    given = ("--scene", "ideal-driven", "--json", "--from", tmp_path / "mine.csv")
+    for off_m, holds in ((0.0, True), (1e-4, False)):
+        table.assign(slider_position_m=table["slider_position_m"] + off_m).to_csv(tmp_path / "mine.csv")
+        done = crankslider("conform", *given)
+        verdicts = {each["claim"]: each for each in json.loads(done.stdout)}
+        assert done.code == (None if holds else 1) or done.code == (0 if holds else 1)
+        assert verdicts["slider_position_m"]["holds"] == holds
+        assert verdicts["joint_A_force_x_N"]["holds"]
+
+
 @pytest.mark.usefixtures("written")
 def test_it_runs_where_every_engine_does() -> None:
     own = crankslider("simulate", "ideal-free", "--engine", NAME, "--end", 0.01, "--samples", 5)
@@ -162,7 +178,7 @@ def test_a_study_runs_its_cases_and_no_others(written: Path) -> None:
 
 def test_pytest_holds_it_to_the_claims_in_the_users_own_project(written: Path) -> None:
     write(written, off_m=0.099)
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--engine", NAME]
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--crankslider-engine", NAME]
     done = subprocess.run([*command, "-k", "ideal-free"], cwd=written, capture_output=True, text=True)
     failed = {line for line in done.stdout.splitlines() if line.startswith("FAILED")}
     assert done.returncode == 1, done.stdout + done.stderr
@@ -176,13 +192,13 @@ def test_pytest_holds_it_to_the_claims_in_the_users_own_project(written: Path) -
     [
         (
             f"conform {NAME} --baselines tables",
-            "--baselines: expected tables/baselines.csv, got '[Errno 2] No",
+            "baselines: expected tables/baselines.csv, got '[Errno 2] No",
         ),
         (
             f"conform {NAME} --accept --why so",
-            "--accept: expected a folder with --baselines to write to, got",
+            "accept: expected a folder with baselines to write to, got",
         ),
-        (f"conform {NAME} --baselines tables --accept", "--why: expected a reason with --accept, got none"),
+        (f"conform {NAME} --baselines tables --accept", "why: expected a reason with accept, got none"),
         ("conform my_module:Nothing", "expected the methods check, simulate, got no check"),
         ("simulate ideal-free --engine my_module:Nobody", "expected a class that can be imported, got"),
         ("conform no_module:MyEngine", "got 'No module named 'no_module''"),

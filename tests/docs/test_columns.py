@@ -10,7 +10,7 @@ from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.file import from_toml
 from reports.results import published_rows
-from studies.command.trajectory_table import impact_columns, sample_columns
+from studies.judges.columns import impact_columns, sample_columns
 from studies.registry import STUDIES
 from tests.docs.pages import ROOT, table
 from tests.helpers.machines import MACHINES
@@ -19,7 +19,7 @@ from tests.helpers.machines import MACHINES
 SCENES = {
     "ideal-torque": {},
     "ideal-compressor": {},
-    "clearance-driven-damped": {"clearance.A": cs.scenes["clearance-driven-A"].clearance.A},
+    "clearance-driven-damped": {"clearance.A": cs.scenes["clearance-driven-A"].clearances["A"]},
     "clearance-pendulum": {},
 }
 LOADED = {"force_N": -1.0, "viscous_N_s_m": 1.0, "spring_N_m": 10.0, "free_position_m": 0.1}

@@ -13,9 +13,9 @@ import pytest
 import yaml
 from typer.main import get_command
 
+from crankslider.command import app
 from engine_models import engines
 from engine_models.scene.file import form_of
-from studies.command.main import app
 from studies.registry import STUDIES
 from tests.docs.pages import EXAMPLES, PAGES, ROOT, Block, blocks
 from tests.helpers.command import crankslider

@@ -7,12 +7,12 @@ from typing import Any, NoReturn
 import pandas as pd
 import pytest
 
+from crankslider import library
 from engine_models.engines import make_engine
 from reports.comparison.sentences import sentences
 from reports.comparison.standing import Standings, standings_table
 from reports.results import frame
 from reports.run.command import command
-from studies.command import simulation
 from studies.failures import Failed
 from studies.work_precision.study import cases
 from tests.end_to_end.written_rows import row
@@ -124,11 +124,11 @@ def test_the_command_of_every_setting_typed_asks_for_that_setting(monkeypatch: p
     ran = [case for case in cases(full=False) if "compiled_anew" not in case.columns and not case.timed]
     asked = set()
 
-    def hear(scene: Any, name: str, engine: Any, options: Any) -> NoReturn:
-        asked.add((scene.name, scene.end_time_s, name, engine, options.step))
+    def hear(scene: Any, name: str, *, step: str, settings: Any, **_: Any) -> NoReturn:
+        asked.add((scene.name, scene.end_time_s, name, library.read_engine(name, settings), float(step)))
         raise Failed("heard")
 
-    monkeypatch.setattr(simulation, "simulated", hear)
+    monkeypatch.setattr(library, "simulate", hear)
     for case in ran:
         given = f"{quote(case.scene.name)} --end {case.scene.end_time_s:.6g}"
         typed = command(pd.Series(case.head()), given)

@@ -2,7 +2,6 @@
 
 import os
 import sys
-import time
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -19,14 +18,13 @@ from engine_models.engine import RunSettings, SimulationFailed, Trajectory, Unsu
 from engine_models.engines import ENGINES, engine_class, make_engine
 from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.states import lever_m
-from engine_models.progress import tell, told_to
+from engine_models.progress import told_to
 from engine_models.pymunk import workspace
 from engine_models.reference import run as reference_runs
 from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp import calls as scipy_calls
-from studies.command.progress_display import shown_progress
 from tests.engines.mechanism_texts import ENDS, TEXTS
 from tests.engines.mechanism_texts import scene as mechanism
 from tests.engines.runs import engine as made
@@ -60,18 +58,6 @@ def test_what_a_listener_raises_ends_the_run(engine: str) -> None:
 
     with pytest.raises(KeyboardInterrupt), told_to(interrupt):
         make_engine(engine).simulate(SCENES["ideal-free"](), RunSettings(1e-5, 5))
-
-
-def test_a_second_run_has_a_time_left_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
-    """Runs of one tolerance begin anew: without that 1.9 s of the first made 10 s left of the second."""
-    with shown_progress(2.0, line_s=0.2):
-        tell(1.9)
-        time.sleep(0.3)
-        tell(1e-9)
-        time.sleep(0.3)
-    first, *_, last = capsys.readouterr().err.splitlines()
-    assert first.startswith("note: t = 1.9 s of 2 s after 0 s, about ")
-    assert last.startswith("note: t = 1e-09 s of 2 s in run 2 after 0 s, about ")
 
 
 def rubbing(speed_m_s: float) -> dict[str, object]:
@@ -197,8 +183,8 @@ def test_memory_of_a_pymunk_run_does_not_grow_with_its_steps(
 @pytest.mark.parametrize(
     ("options", "refusal"),
     [
-        (("--samples", "90000"), "--samples: expected at most"),
-        (("--engine", "exudyn", "--step", "1e-9"), "--step: expected at least"),
+        (("--samples", "90000"), "samples: expected at most"),
+        (("--engine", "exudyn", "--step", "1e-9"), "step: expected at least"),
     ],
 )
 def test_a_run_too_large_for_the_memory_is_refused_in_one_line(

@@ -8,8 +8,7 @@ from unittest.mock import patch
 
 import pandas as pd
 
-from studies.command import progress_display
-from studies.command.main import main
+from crankslider import command
 
 
 @dataclass(frozen=True)
@@ -29,10 +28,10 @@ def crankslider(*arguments: object) -> Finished:
         patch.object(sys, "argv", argv),
         redirect_stdout(StringIO()) as out,
         redirect_stderr(StringIO()) as err,
-        patch.object(progress_display, "LINE_S", 1e6),  # what is said does not depend on the machine
+        patch.object(command, "LINE_S", 1e6),  # what is said does not depend on the machine
     ):
         try:
-            main()
+            command.main()
         except SystemExit as leave:
             code = leave.code
     return Finished(code, out.getvalue(), err.getvalue())

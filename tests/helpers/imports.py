@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("reference_solver", "engine_models", "studies", "reports")
+PACKAGES = ("reference_solver", "engine_models", "studies", "reports", "crankslider")
 
 
 def imported(file: str, packages: tuple[str, ...] = PACKAGES) -> Iterator[str]:

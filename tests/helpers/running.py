@@ -19,7 +19,7 @@ from tests.helpers.mischief import NAME
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
 CODE = (
     f"from studies import registry; registry.STUDIES = {{'{NAME}': '{NAME}'}};"
-    "from studies.command.main import main; main()"
+    "from crankslider.command import main; main()"
 )
 #: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it; or is not.
 HEAR = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
@@ -44,7 +44,7 @@ def started(
 
 def copied(folder: Path) -> Path:
     """Copy the code that decides numbers and the tests' into a folder, to be edited and run there."""
-    for package in (*FOLDERS, "tests"):
+    for package in (*FOLDERS, "reports", "crankslider", "tests"):
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
     return folder
 

@@ -115,7 +115,7 @@ def test_bad_input_is_refused_in_one_line(
         TABLE.write_text("".join(lines), encoding="utf-8")
     assert fits(case.said, said), said
     assert said.isprintable()
-    assert re.search(r": expected .+(, got |, which |, whose )", said), (
+    assert re.search(r": (did you mean .+\? )?expected .+(, got |, which |, whose )", said), (
         "field, what was expected, and what came"
     )
 

@@ -12,15 +12,14 @@ import pandas as pd
 import pytest
 
 import crankslider as cs
-from studies.command import simulation
-from studies.command.comparison import Comparison
-from studies.command.sweep import Swept
+from crankslider import library
+from crankslider.run import Comparison, Sweep
 
 #: As what mypy lets be called with anything.
 lib: Any = cs
 LOOSE: Any = cs.scenes["clearance-driven-0.5mm"]
-OWNERS: dict[str, Any] = {"": cs, "Scene": cs.Scene, "Run": cs.Run, "Swept": Swept, "Comparison": Comparison}
-METHODS = ["Scene.replace", "Run.plot", "Run.plot_orbit", "Run.animate", "Swept.plot", "Comparison.save"]
+OWNERS: dict[str, Any] = {"": cs, "Scene": cs.Scene, "Run": cs.Run, "Sweep": Sweep, "Comparison": Comparison}
+METHODS = ["Scene.replace", "Run.plot", "Run.plot_orbit", "Run.animate", "Sweep.plot", "Comparison.save"]
 FUNCTIONS = [f".{name}" for name in cs.__all__ if isinstance(getattr(cs, name), FunctionType)]
 
 
@@ -33,9 +32,9 @@ def test_every_function_of_the_library_refuses_an_unknown_argument(name: str) ->
 
 
 def test_numbers_and_arrays_of_numpy_are_pythons_own(tmp_path: Path) -> None:
-    plain = lib.simulate(LOOSE, step=2.0**-17, end=2.0**-10, samples=3, lowest_flight=2.5)
+    plain = lib.simulate(LOOSE, step=2.0**-17, end=2.0**-10, samples=3, settings={"lowest_flight": 2.5})
     kinds: dict[str, Any] = {"step": np.float32(2.0**-17), "end": np.longdouble(2.0**-10)}
-    own = lib.simulate(LOOSE, samples=np.int64(3), lowest_flight=np.float64(2.5), **kinds)
+    own = lib.simulate(LOOSE, samples=np.int64(3), settings={"lowest_flight": np.float64(2.5)}, **kinds)
     pd.testing.assert_frame_equal(own.frame, plain.frame)
     masses, start = np.array([0.1, 0.2]), {"revolutions": np.float32(0.125), "jobs": np.int8(1)}
     swept = lib.sweep(LOOSE, {"crank.mass_kg": masses}, out=tmp_path / "rows.parquet", **start)
@@ -49,7 +48,8 @@ def test_a_bug_inside_is_not_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object) -> None:
         raise TypeError("ours")
 
-    monkeypatch.setattr(simulation, "simulated", broken)
+    monkeypatch.setattr(library, "plain", broken)
+    monkeypatch.setattr(library, "RunSettings", broken)
     with pytest.raises(TypeError, match="ours"):
         cs.simulate("ideal-free")
 

@@ -11,7 +11,7 @@ import pytest
 pytestmark = pytest.mark.system
 
 ROOT = Path(__file__).parents[2]
-SOURCES = ("crankslider.py", "reference_solver", "engine_models", "studies", "reports")
+SOURCES = ("crankslider", "reference_solver", "engine_models", "studies", "reports")
 RUN = """
 import crankslider as cs
 run = cs.simulate('ideal-free', end=0.01, samples=4)
@@ -46,47 +46,30 @@ def python(site: Path, folder: Path, code: str) -> "subprocess.CompletedProcess[
     )
 
 
-@pytest.fixture
-def users(tmp_path: Path) -> Path:
-    """Return a folder with packages of the user's that are called as ours."""
-    for name in ("studies", "reports"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "__init__.py").write_text("mine = 'mine'\n")
-        (tmp_path / name / "own.py").write_text("mine = 'mine'\n")
-    (tmp_path / "studies" / "ladders.py").write_text("mine = 'mine'\n")
-    return tmp_path
-
-
-def test_the_library_is_the_installed_one_and_the_packages_below_may_come_first(
-    site: Path, tmp_path: Path
-) -> None:
-    first = "from engine_models.scene.library import SCENES"
-    same = "print(cs.__file__, studies.__file__, len(run.frame), type(SCENES['ideal-free']()) is cs.Scene)"
-    done = python(site, tmp_path, f"{first}\n{RUN}\nimport studies; {same}")
-    files = [str(site / "crankslider.py"), str(site / "studies" / "__init__.py")]
-    assert (done.stderr, done.stdout.split()) == ("", [*files, "5", "True"])
-
-
-def test_folders_of_the_user_may_have_the_names_of_ours(site: Path, users: Path) -> None:
-    done = python(site, users, RUN + "from studies.own import mine; from reports import own; print(mine)")
-    assert (done.stdout, done.stderr) == ("mine\n", "")
-
-
-def test_the_users_packages_may_come_first(site: Path, users: Path) -> None:
-    done = python(site, users, f"import studies, reports.own\n{RUN}\nprint(studies.mine, reports.own.mine)")
-    assert (done.stdout, done.stderr) == ("mine mine\n", "")
-
-
-def test_a_module_of_the_users_in_the_place_of_ours_is_said(site: Path, users: Path) -> None:
-    done = python(site, users, f"import studies.ladders\n{RUN}")
-    last = done.stderr.splitlines()[-1]
-    assert last.startswith("ImportError: studies.ladders: expected crankslider's own, got ")
-    assert last.endswith("ladders.py: import crankslider before it")
-
-
-def test_the_command_runs_in_a_folder_like_that(site: Path, users: Path) -> None:
-    command = [sys.executable, str(site / "bin" / "crankslider"), "simulate", "ideal-free", "--end", "0.01"]
+def test_the_installed_library_and_command_run_in_a_folder_of_the_users(site: Path, tmp_path: Path) -> None:
+    same = "print(cs.__file__, len(run.frame), cs.Scene is type(cs.scenes['ideal-free']))"
+    done = python(site, tmp_path, f"{RUN}\n{same}")
+    assert (done.stderr, done.stdout.split()) == ("", [str(site / "crankslider/__init__.py"), "5", "True"])
+    assert (site / "crankslider/py.typed").exists()
+    command = [
+        sys.executable,
+        "-P",
+        str(site / "bin" / "crankslider"),
+        "simulate",
+        "ideal-free",
+        "--end",
+        "0.01",
+    ]
+    if sys.version_info < (3, 11):
+        command.remove("-P")
     environment = {**os.environ, "PYTHONPATH": str(site)}
-    done = subprocess.run(command, cwd=users, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert len(done.stdout.splitlines()) == 202
+    run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert len(run.stdout.splitlines()) == 202
+
+
+def test_a_package_of_the_users_in_the_place_of_ours_is_said_in_one_line(site: Path, tmp_path: Path) -> None:
+    (tmp_path / "reference_solver.py").write_text("mine = 'mine'\n")
+    done = python(site, tmp_path, RUN)
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("ImportError: reference_solver: expected crankslider's own, got ")

@@ -47,6 +47,7 @@ def hit(run: cs.Run, at_samples_N: Sequence[float], duration_s: float) -> cs.Run
 
 
 IMPACT = (10e3, "B", 0.3)
+SHARP = {"method": "dop853", "step_tolerance": 1e-12}
 ADVICE = "--impacts FILE has every impact's largest"
 
 
@@ -137,9 +138,24 @@ def test_a_true_run_has_the_largest_forces_of_its_impacts(tmp_path: Path) -> Non
     out = ("--out", tmp_path / "t.csv", "--impacts", tmp_path / "i.json")
     told = crankslider("truth", SCENE, "--end", 0.004, "--samples", 40, *out)
     columns = json.loads((tmp_path / "i.json").read_text())["columns"]
-    run = cs.simulate(SCENE, end=0.004, samples=40, method="dop853", step_tolerance=1e-12)
+    run = cs.simulate(SCENE, end=0.004, samples=40, settings=SHARP)
     for name in ("largest_normal_force_N", "largest_penetration_m"):
         np.testing.assert_allclose(columns[name], run.impacts[name], rtol=1e-5, err_msg=name)
         times = name.rpartition("_")[0] + "_time_s"
         np.testing.assert_allclose(columns[times], run.impacts[times], rtol=0, atol=1e-8, err_msg=times)
     assert told.stderr.splitlines()[1:] == [f"note: {line}" for line in run.notes()[2:]]
+
+
+def test_after_a_transient_the_largest_force_is_that_of_the_running_machine(run: cs.Run) -> None:
+    """Both are told; without a transient the first impact, of the pin that falls, is the largest."""
+    late = replace(run, start_s=0.002)
+    first, largest = run.largest_contact_force, late.largest_contact_force
+    assert first is not None
+    assert largest is not None
+    impacts = run.impacts[run.impacts["largest_normal_force_time_s"] >= 0.002]
+    assert largest.force_N == impacts["largest_normal_force_N"].max() < first.force_N
+    (line,) = (line for line in late.notes() if "the largest contact force" in line)
+    assert f"at t = {largest.time_s:.6g} s, after the transient to 0.002 s, in which it is" in line
+    assert line.endswith(f"at t = {first.time_s:.6g} s")
+    told = crankslider("simulate", SCENE, "--end", "4ms", "--samples", 50, "--from", "2 ms", "--quiet")
+    assert (told.code, told.stdout, told.stderr) == (0, "", "")

@@ -12,10 +12,10 @@ import crankslider as cs
 from tests.helpers.command import crankslider, table_of
 
 ROOT = Path(__file__).parents[2]
-LOOSE = cs.scenes["clearance-driven-0.5mm"]
+LOOSE: Any = cs.scenes["clearance-driven-0.5mm"]
 
 
-def short_run(scene: cs.Scene | str | Path) -> cs.Run:
+def short_run(scene: cs.Scene | cs.GeneralScene | str | Path) -> cs.Run:
     return cs.simulate(scene, end=0.002, samples=20)
 
 
@@ -53,13 +53,14 @@ def test_impacts_come_in_the_order_of_time_with_their_joint() -> None:
     assert set(run.impacts["joint"]) == {"A", "B"}
 
 
-def test_settings_go_by_name_or_in_a_mapping_and_a_tolerance_is_told() -> None:
-    short: dict[str, Any] = {"end": 0.01, "samples": 4}
-    by_name = cs.simulate("ideal-free", method="dop853", tolerance=1e-9, **short)
-    mapped = cs.simulate("ideal-free", settings={"method": "dop853"}, tolerance=1e-9, **short)
-    assert by_name.engine == mapped.engine
-    assert by_name.made_by["settings"]["method"] == "dop853"
-    assert (by_name.tolerance_m, len(by_name.impacts)) == (1e-9, 0)
+def test_settings_are_told_and_numbers_are_taken_as_people_type_them() -> None:
+    typed: dict[str, Any] = {"end": "10 ms", "samples": "4", "tolerance": "1 nm"}
+    settings = {"method": "dop853"}
+    plain = cs.simulate("ideal-free", settings=settings, end=0.01, samples=4, tolerance=1e-9)
+    as_typed = cs.simulate("ideal-free", settings=settings, **typed)
+    pd.testing.assert_frame_equal(as_typed.frame, plain.frame)
+    assert plain.made_by["settings"]["method"] == "dop853"
+    assert (as_typed.tolerance_m, len(plain.impacts)) == (1e-9, 0)
 
 
 def test_quality_says_the_parts_in_one_line(loose_run: cs.Run) -> None:

@@ -15,8 +15,8 @@ import crankslider as cs
 from engine_models.engine import FloatArray
 from engine_models.scene.file import load
 from engine_models.scene.library.mechanisms import MECHANISMS
+from reports.run.drawing import Shape
 from reports.run.film import LONGEST_ARROW, Drawing, Stage
-from studies.command.drawing import Shape
 
 #: Drawn is what a double has: the slider's place and gaps are differences of coordinates below 1 m.
 ROUND_OFF_M = 1e-12

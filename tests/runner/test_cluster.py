@@ -87,7 +87,7 @@ def test_workers_with_other_code_are_refused(local: LocalCluster, client: Client
         done = crankslider("run", "--scheduler", local.scheduler_address, "--out", tmp_path / "out")
     finally:
         client.run(be_honest)
-    expected = f"--scheduler: expected workers with our code and libraries ({ours}), got "
+    expected = f"scheduler: expected workers with our code and libraries ({ours}), got "
     require_refusal(done.stdout, done.stderr, done.code, expected)
     assert not list(tmp_path.iterdir())
 
@@ -99,7 +99,7 @@ def test_what_is_no_scheduler_is_refused(client: Client, monkeypatch: pytest.Mon
         port = silent.getsockname()[1]
         for address in (worker, f"tcp://127.0.0.1:{port}", "tcp://127.0.0.1:1", "nonsense", ""):
             done = crankslider("run", "--scheduler", address)
-            require_refusal(done.stdout, done.stderr, done.code, "--scheduler: expected ")
+            require_refusal(done.stdout, done.stderr, done.code, "scheduler: expected ")
     monkeypatch.setitem(sys.modules, "distributed", None)
     done = crankslider("run", "--scheduler", "tcp://127.0.0.1:1")
     require_refusal(done.stdout, done.stderr, done.code, "the package distributed", "crankslider[cluster]")

@@ -54,9 +54,9 @@ def test_a_file_keeps_the_permissions_of_any_new_one_and_a_link_its_place(tmp_pa
 
 
 def test_a_run_that_is_killed_leaves_nothing(tmp_path: Path) -> None:
-    tell = "from studies.command import simulation as s; of = s.simulated;"
-    tell += "s.simulated = lambda *asked: print('runs', flush=True) or of(*asked);"
-    command = [sys.executable, "-c", f"{tell}from studies.command.main import main; main()"]
+    tell = "from crankslider import library as s; of = s.simulate;"
+    tell += "s.simulate = lambda *it, **more: print('runs', flush=True) or of(*it, **more);"
+    command = [sys.executable, "-c", f"{tell}from crankslider.command import main; main()"]
     files = {"--out": "a.csv", "--impacts": "b.csv", "--plot": "c.png", "--animate": "d.gif"}
     options = [word for option, name in files.items() for word in (option, tmp_path / name)]
     long = ("simulate", "clearance-driven-0.5mm", "--end", "1000", *options)
@@ -143,7 +143,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     """Any of these runs would take hours."""
     place = obstacle(tmp_path, kind, name)
     done = crankslider(*command, place)
-    option = f"{command[-1]}: expected a place that can be written"
+    option = f"{str(command[-1])[2:]}: expected a place that can be written"
     require_refusal(done.stdout, done.stderr, done.code, option, f"({OBSTACLES[kind]})")
 
 
@@ -162,7 +162,7 @@ def test_a_place_that_can_be_no_folder_is_refused_before_the_work(
     command: tuple[object, ...], kind: str, tmp_path: Path
 ) -> None:
     done = crankslider(*command, obstacle(tmp_path, kind, "results"))
-    option = f"{command[-1]}: expected a place that can be written"
+    option = f"{str(command[-1])[2:]}: expected a place that can be written"
     require_refusal(done.stdout, done.stderr, done.code, option, "(Not a directory)")
 
 

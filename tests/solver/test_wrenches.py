@@ -14,7 +14,7 @@ from engine_models.scene.parts import AnyScene
 from reference_solver.contact.types import CONTACT, FLIGHT
 from reference_solver.equations import Equations
 from reference_solver.mechanism.mechanism import Mechanism
-from studies.command.trajectory_table import sample_columns
+from studies.judges.columns import sample_columns
 from tests.engines.runs import fresh, run
 from tests.scenes import scene
 

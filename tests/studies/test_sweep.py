@@ -14,11 +14,12 @@ from scipy.stats import qmc
 
 import crankslider as cs
 from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.closing import closed
 from engine_models.scene.file import from_toml
+from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
 from studies.store import Store
-from studies.sweeps.closing import closed
-from studies.sweeps.members import Draw, Sample, drawn, values_of
+from studies.sweep import Sample, draw_values
 from tests.engines.mechanism_texts import FOUR_BAR_CLEARANCE
 from tests.helpers.running import Here
 from tests.studies.truth.closed_forms.crank_slider import configuration
@@ -29,7 +30,7 @@ NAME, CLEARANCE, SPEED = (
     "start.crank_speed_rad_s",
 )
 ANGLE = "start.crank_angle_rad"
-SCENE = cs.scenes[NAME]
+SCENE: Any = cs.scenes[NAME]
 #: One that does not start at an angle of zero.
 TURNED = SCENE.replace(ANGLE, 0.4)
 PERIOD_S = 2 * math.pi / SCENE.start.crank_speed_rad_s
@@ -41,13 +42,12 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*in doubt")
 # Members
 
 
-def members(draw: Draw, **texts: str) -> dict[str, np.ndarray]:
-    fields = {CLEARANCE: texts.get("clearance"), SPEED: texts.get("speed")}
-    return drawn(SCENE, {field: values_of(field, text) for field, text in fields.items() if text}, draw)
+def members(clearance: str, speed: str, *draw: Any) -> dict[str, np.ndarray]:
+    return draw_values(SCENE, {CLEARANCE: clearance, SPEED: speed}, *draw)
 
 
 def test_a_grid_has_every_value_of_one_field_with_every_one_of_the_other_and_the_last_goes_fastest() -> None:
-    grid = members(Draw(), clearance="1e-5:1e-3:log:3", speed="100:300:3")
+    grid = members("10 um:1 mm:log:3", "100:300:3")
     np.testing.assert_allclose(grid[CLEARANCE], np.repeat([1e-5, 1e-4, 1e-3], 3), rtol=ROUND_OFF)
     assert grid[SPEED].tolist() == [100.0, 200.0, 300.0] * 3
 
@@ -61,15 +61,14 @@ def test_draws_are_those_of_numpy_and_scipy_from_the_seed(sample: Sample) -> Non
         points = generator.random((37, 2))
     else:
         points = sobol.random(64)[:37] if sample == "sobol" else hypercube.random(37)
-    found = members(Draw(sample, 37, seed=5), clearance="1e-5:1e-3:log", speed="50:800")
+    found = members("1e-5:1e-3:log", "50:800", sample, 37, 0.0, 5)
     np.testing.assert_allclose(found[CLEARANCE], 1e-5 * 100 ** points[:, 0], rtol=ROUND_OFF)
     np.testing.assert_allclose(found[SPEED], 50 + 750 * points[:, 1], rtol=ROUND_OFF)
 
 
 def test_a_jitter_moves_each_start_of_the_grid_around_the_scenes_own_angle() -> None:
     turned = SCENE.replace(ANGLE, 0.7)
-    draws = (Draw(members=50, jitter=1e-6, seed=seed) for seed in (0, 1))
-    one, other = (drawn(turned, {CLEARANCE: np.array([1e-5, 1e-4])}, draw) for draw in draws)
+    one, other = (draw_values(turned, {CLEARANCE: [1e-5, 1e-4]}, "grid", 50, 1e-6, seed) for seed in (0, 1))
     moves = one[ANGLE] - 0.7
     assert len(set(moves)) == 100
     assert 0.9e-6 < np.abs(moves).max() <= 1e-6
@@ -83,7 +82,7 @@ def test_a_jitter_moves_each_start_of_the_grid_around_the_scenes_own_angle() -> 
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Run members in this process."""
-    monkeypatch.setattr("studies.command.sweep.Pool", lambda _: Here())
+    monkeypatch.setattr("crankslider.library._workers", lambda *_: Here())
 
 
 def simulated(scene: AnyScene, revolutions: float, **how: Any) -> cs.Run:
@@ -95,7 +94,7 @@ def simulated(scene: AnyScene, revolutions: float, **how: Any) -> cs.Run:
 def swept(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     out = tmp_path_factory.mktemp("sweep") / "rows.parquet"
     with (
-        mock.patch("studies.command.sweep.Pool", return_value=Here()),
+        mock.patch("crankslider.library._workers", return_value=Here()),
         pytest.warns(UserWarning, match=r"of 3 members have warnings .*: member [01]: slider position in"),
     ):
         return cs.sweep(TURNED, {CLEARANCE: [2e-4, 4e-4, 1e-3]}, transient=1, out=out, jobs=1).frame
@@ -161,13 +160,13 @@ def test_another_mechanism_is_watched_by_its_turning_body(tmp_path: Path) -> Non
     how: dict[str, Any] = {"settings": {"method": "dop853"}, "revolutions": 0.5, "jobs": 1}
     (row,) = cs.sweep(scene, {CLEARANCE: [1e-4]}, out=tmp_path / "a.parquet", **how).frame.to_dict("records")
     end = 0.5 * 2 * math.pi / 60
-    run = cs.simulate(scene.replace(CLEARANCE, 1e-4), end=end, samples=100, method="dop853")
+    run = cs.simulate(scene.replace(CLEARANCE, 1e-4), end=end, samples=100, settings={"method": "dop853"})
     assert row["largest_contact_force_N"] == run.impacts["largest_normal_force_N"].max()
     assert 0 < row["rms_observed_deviation_m"] < row["observed_deviation_m"] < 5e-4
 
 
 def test_ideal_positions_are_those_of_the_closed_form_or_none() -> None:
-    off, scene = np.random.default_rng(1), cs.scenes["clearance-driven-AB"]
+    off, scene = np.random.default_rng(1), SCENES["clearance-driven-AB"]()
     ideal, *_ = configuration(scene, np.linspace(0.0, 20.0, 5000))  # more than are closed at a time
     moves = 1e-3 * off.uniform(-1, 1, ideal.shape) * [1.0, 1.0, 0.0]
     assert np.abs(closed(scene, ideal + moves, 0) - ideal).max() < ROUND_OFF

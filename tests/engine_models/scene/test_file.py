@@ -1,8 +1,11 @@
 """What is taken for a scene file and for a number, whatever is offered."""
 
+import math
 import os
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from engine_models.scene.file import SceneError, load
@@ -82,10 +85,10 @@ def test_many_unknown_keys_are_counted_in_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "option"),
     [
-        ("simulate ideal-free --samples=", "--samples"),
-        ("simulate ideal-free --step=", "--step"),
-        ("simulate ideal-free --engine pymunk --set iterations=", "--set iterations"),
-        ("run agreement --jobs=", "--jobs"),
+        ("simulate ideal-free --samples=", "samples"),
+        ("simulate ideal-free --step=", "step"),
+        ("simulate ideal-free --engine pymunk --set iterations=", "iterations"),
+        ("run agreement --jobs=", "jobs"),
     ],
 )
 def test_only_plain_decimal_numbers_are_numbers(number: str, arguments: str, option: str) -> None:
@@ -98,4 +101,21 @@ def test_only_plain_decimal_numbers_are_numbers(number: str, arguments: str, opt
 @pytest.mark.parametrize("number", ["10", "+10", "010", "10.0", "1e1", "100E-1", ".1e2"])
 def test_a_number_may_be_written_in_every_plain_way(number: str) -> None:
     done = crankslider("simulate", "ideal-free", "--end", number, "--step", "20")
-    assert done.stderr == "error: --step: expected a number from 1e-11 to the end time 10, got 20\n"
+    assert done.stderr == "error: step: expected a number from 1e-11 to the end time 10, got 20\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "scale"), [("time_ms,angle_deg", (1e3, 180 / math.pi)), ("time_s,angle_rev", (1, 0.5 / math.pi))]
+)
+def test_a_table_may_have_other_units_in_its_head(
+    head: str, scale: tuple[float, float], tmp_path: Path
+) -> None:
+    times, angles = [0.0, 0.005, 0.01, 0.02], [0.0, 0.5, 1.0, 2.0]
+    rows = [f"{time * scale[0]},{angle * scale[1]}" for time, angle in zip(times, angles, strict=True)]
+    (tmp_path / "turn.csv").write_text("\n".join([head, *rows]))
+    (tmp_path / "scene.toml").write_text(TEXT)
+    changes: dict[str, object] = {"drive": {"kind": "table", "file": "turn.csv"}, "end_time_s": 0.02}
+    changes |= {"start.crank_speed_rad_s": 100.0}
+    drive: Any = load(tmp_path / "scene.toml", changes).drive
+    np.testing.assert_allclose(drive.angle_rad, angles, rtol=1e-14)
+    np.testing.assert_allclose(drive.time_s, times, rtol=1e-14)

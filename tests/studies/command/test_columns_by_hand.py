@@ -7,7 +7,7 @@ import pytest
 
 from engine_models.engine import Contact, Impacts, Trajectory
 from engine_models.scene.library import SCENES
-from studies.command.trajectory_table import impact_columns, sample_columns
+from studies.judges.columns import impact_columns, sample_columns
 
 #: Masses and inertias of set R: crank, rod, slider; and gravity.
 MASS_KG, INERTIA_KG_M2, GRAVITY_M_S2 = (0.30, 0.21, 0.14), (1e-4, 2.5e-4, 1e-4), 9.81

@@ -62,7 +62,9 @@ def test_the_error_in_the_rows_is_that_of_the_run_at_its_settings(folder: Path) 
         rows = [row for row in csv.DictReader(file) if row["arm"] == "projection" and not row["round"]]
     row = max(rows, key=lambda row: float(row["step_s"]))
     samples = int(float(row["samples"]))
-    run = cs.simulate(short, step=float(row["step_s"]), samples=samples, stabilisation="projection")
+    run = cs.simulate(
+        short, step=float(row["step_s"]), samples=samples, settings={"stabilisation": "projection"}
+    )
     truth = exact(short, samples).position[:, -1, 0]
     error = np.abs(run.frame["slider_position_m"].to_numpy() - truth).max()
     assert float(row["slider_position_error_m"]) == pytest.approx(error, rel=1e-6)
@@ -75,7 +77,7 @@ def test_a_second_call_from_python_runs_nothing_again(
     short = cs.load(folder / "mine.toml").replace("end_time_s", END_S)
     with Store(folder) as store:
         before = store.statuses()
-    found = cs.compare(short, engines=["reference"], folder=folder)
+    found = cs.compare(short, engines=["reference"], out=folder)
     with Store(folder) as store:
         assert store.statuses() == before
     assert set(found.frame["engine"]) == {"reference"}

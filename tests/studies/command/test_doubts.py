@@ -72,7 +72,7 @@ def test_a_step_too_long_for_pymunk_says_so() -> None:
 @pytest.mark.parametrize(("engine", "step"), [("pymunk", 1e-3), ("exudyn", 2e-3)])
 @pytest.mark.parametrize("quiet", [(), ("--quiet",)], ids=["aloud", "quiet"])
 def test_a_doubtful_run_is_written_with_a_warning(engine: str, step: float, quiet: tuple[str, ...]) -> None:
-    done = crankslider("simulate", "ideal-free", "--engine", engine, "--step", step, *quiet)
+    done = crankslider("simulate", "ideal-free", "--engine", engine, "--step", step, "--out", "-", *quiet)
     assert (done.code, len(done.stdout.splitlines())) == (0, 202)
     warning, *notes = done.stderr.splitlines()
     assert warning.startswith("warning: energy off by ")

@@ -60,6 +60,7 @@ def test_a_dash_is_standard_output(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.chdir(tmp_path)
     assert crankslider(*LOOSE, "--out", "-").stdout == crankslider(*LOOSE).stdout
     impacts = crankslider(*LOOSE, "--out", "run.csv", "--impacts", "-").stdout
+    assert crankslider(*LOOSE, "--impacts", "-").stdout == impacts, "the samples were not asked for"
     assert impacts.startswith("joint,time_s,duration_s,")
     assert [file.name for file in tmp_path.iterdir()] == ["run.csv"]
 
@@ -106,14 +107,14 @@ def test_the_scene_is_not_overwritten_by_its_own_output(tmp_path: Path) -> None:
     file.write_text(before := crankslider("show", "ideal-free").stdout)
     done = crankslider("simulate", file, *IDEAL[2:], "--out", file)
     assert (done.code, file.read_text()) == (2, before)
-    assert "--out: expected another file than the scene" in done.stderr
+    assert "out: expected a file that neither the scene is read from" in done.stderr
 
 
 @pytest.mark.parametrize("option", ["--out", "--impacts"])
 def test_a_full_disk_is_told_of_the_file_that_it_struck(option: str, tmp_path: Path) -> None:
     other = {"--out": "--impacts", "--impacts": "--out"}[option]
     done = crankslider(*LOOSE, option, "/dev/full", other, tmp_path / "a.csv")
-    require_refusal(done.stdout, done.stderr, done.code, f"{option}: expected", "No space left on device")
+    require_refusal(done.stdout, done.stderr, done.code, f"{option[2:]}: expected", "No space left on device")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -123,7 +124,7 @@ def test_permissions_are_respected(tmp_path: Path) -> None:
     file.write_text("before")
     file.chmod(0o444)
     done = crankslider(*IDEAL, "--out", file)
-    require_refusal(done.stdout, done.stderr, done.code, "--out: expected", "Permission denied")
+    require_refusal(done.stdout, done.stderr, done.code, "out: expected", "Permission denied")
     assert file.read_text() == "before"
     file.chmod(0)
     done = crankslider("show", file)
@@ -133,7 +134,7 @@ def test_permissions_are_respected(tmp_path: Path) -> None:
 def test_without_ffmpeg_mp4_is_refused_before_the_run(tmp_path: Path) -> None:
     with patch.object(FFMpegWriter, "isAvailable", return_value=False):
         done = crankslider("simulate", "ideal-free", "--end", 1e5, "--animate", tmp_path / "film.mp4")
-    expected = "--animate: expected a file that ends in .html or .gif where ffmpeg is not installed"
+    expected = "animate: expected a file that ends in .html or .gif where ffmpeg is not installed"
     require_refusal(done.stdout, done.stderr, done.code, expected)
 
 
@@ -165,7 +166,7 @@ def test_fields_may_have_other_values_than_in_the_scene(
 
 
 def test_every_run_tells_its_quality_unless_it_is_quiet() -> None:
-    loud, quiet = crankslider(*LOOSE), crankslider(*LOOSE, "--quiet")
+    loud, quiet = crankslider(*LOOSE), crankslider(*LOOSE, "--quiet", "--out", "-")
     assert (quiet.code, quiet.stdout, quiet.stderr) == (0, loud.stdout, "")
     said = loud.stderr.splitlines()[0]
     assert said.startswith("note: quality: energy off by ")

@@ -9,7 +9,7 @@ import pytest
 from engine_models.engine import RunSettings
 from engine_models.engines import ENGINES, make_engine
 from engine_models.scene.library import IDEAL_SCENES, SCENES
-from studies.command.trajectory_table import sample_columns
+from studies.judges.columns import sample_columns
 from tests.helpers.command import crankslider, table_of
 from tests.studies.truth.closed_forms.crank_slider import exact
 

@@ -152,7 +152,7 @@ def test_a_field_that_the_file_has_wrong_is_mended_by_with(tmp_path: Path) -> No
 
 
 def test_a_list_in_an_option_takes_the_place_of_a_files_column(tmp_path: Path) -> None:
-    file, six = tmp_path / "mine.toml", ("--samples", 6, "--quiet")
+    file, six = tmp_path / "mine.toml", ("--samples", 6, "--quiet", "--out", "-")
     turn = ('{ kind = "constant-speed" }', '{ kind = "table", file = "turn.csv" }')
     file.write_text(changed(base("press"), turn, ('"1000 rpm"', "0.0"), ("= 0.06", "= 0.6")))
     rows = [f"{t},{a}" for t, a in zip(TIMES, TURNED, strict=True)]

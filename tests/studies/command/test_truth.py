@@ -9,8 +9,9 @@ import pandas as pd
 import pytest
 
 import crankslider as cs
+from crankslider.reference_solutions import write_reference_solutions
+from engine_models.scene.library import SCENES
 from engine_models.scene.library.mechanisms import MECHANISMS
-from studies.command.truth import write_truths
 from tests.helpers.command import crankslider, table_of
 
 PUBLISHED = Path(__file__).parents[3] / "reports/published/truth"
@@ -19,7 +20,9 @@ PUBLISHED = Path(__file__).parents[3] / "reports/published/truth"
 def test_another_method_in_other_coordinates_is_within_the_bound() -> None:
     scene = "clearance-free-0.5mm"
     known = cs.truth(scene, end=0.03, samples=60)
-    other = cs.simulate(scene, "scipy", end=0.03, samples=60, step=1e-3, rtol=1e-13, atol=1e-15)
+    other = cs.simulate(
+        scene, "scipy", end=0.03, samples=60, step=1e-3, settings={"rtol": 1e-13, "atol": 1e-15}
+    )
     off = (known.frame["slider_position_m"] - other.frame["slider_position_m"]).abs().max()
     assert off <= 10 * known.certain_m, f"{off:.1e} m; the other method errs, too"
     assert 1e-17 < known.certain_m < 1e-9
@@ -50,39 +53,39 @@ def test_nothing_is_certain_beyond_the_last_digit_of_its_size(name: str, changes
     scene = cs.scenes[name].replace(changes)
     known = cs.truth(scene, samples=4)
     moving = "slider_position_m" in known.frame
-    size = known.frame["slider_position_m"].max() if moving else scene.crank.length_m / 2
+    size = known.frame["slider_position_m"].max() if moving else 0.1
     assert known.certain_m >= np.spacing(size)
 
 
 def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
     for name in ("ideal-driven", "clearance-pendulum"):
-        short = (name, "--end", 0.004, "--samples", 4, "--quiet")
+        short = (name, "--end", 0.004, "--samples", 4, "--quiet", "--out", "-")
         own, simulated = crankslider("truth", *short), crankslider("simulate", *short)
         assert (own.code, own.stderr) == (0, "")
         assert list(table_of(own.stdout)) == list(table_of(simulated.stdout))
     assert crankslider("truth", *short, "--out", tmp_path / "t.json").code == 0
     made_by = json.loads((tmp_path / "t.json").read_text())["made_by"]
-    assert (made_by["engine"], made_by["settings"], made_by["by"]) == ("truth", {}, "independent")
+    assert (made_by["engine"], made_by["settings"], made_by["by"]) == ("truth", {}, "independent equations")
     assert 0 < made_by["certain_m"] < 1e-9
 
 
 def test_a_motion_that_nobody_can_follow_has_no_truth(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("studies.command.truth.followed", lambda *_: 0)
+    monkeypatch.setattr("crankslider.reference_solutions.followed", lambda *_: 0)
     with pytest.raises(cs.Failed, match="no reference solution was found: two solutions diverge before"):
         cs.truth("ideal-driven", end=0.004, samples=4)
 
 
 def test_what_is_published_is_what_is_solved_here(tmp_path: Path) -> None:
     names = ["ideal-free", "clearance-driven-damped"]
-    write_truths(tmp_path, names)
+    write_reference_solutions(tmp_path, names)
     for name in names:
         here, there = (
             pd.read_csv(folder / f"{name}.csv.xz", index_col=0) for folder in (tmp_path, PUBLISHED)
         )
         pd.testing.assert_frame_equal(here, there, rtol=1e-6, atol=1e-9)
     certainty = pd.read_csv(PUBLISHED / "certainty.csv").set_index("scene")
-    assert set(certainty.index) == set(cs.scenes)
-    assert set(certainty["solved_by"]) == {"independent"}
+    assert set(certainty.index) == set(SCENES)
+    assert set(certainty["solved_by"]) == {"independent equations"}
     assert certainty["slider_position_uncertainty_m"].max() < 1e-8
     for name, row in certainty.iterrows():
         times = pd.read_csv(PUBLISHED / f"{name}.csv.xz")["time_s"]

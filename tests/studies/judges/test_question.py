@@ -5,7 +5,7 @@ import pytest
 from engine_models.scene.file import from_toml
 from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
-from studies.comparison.question import asked
+from studies.compare import ask
 from tests.engines.mechanism_texts import ANDREWS, FOUR_BAR_CLEARANCE
 from tests.helpers.crank_sliders import HELD, pendulum, short_rod
 
@@ -44,7 +44,7 @@ def test_every_mechanism_has_a_signal_and_an_error_to_be_judged_by(
     scene: AnyScene, column: str, wanted: float, until_s: float
 ) -> None:
     """Held without a load there is no torque, and a thousandth of none is nothing that a run can keep."""
-    question = asked(scene)
+    question = ask(scene)
     assert question.column == column
     assert question.wanted == pytest.approx(wanted, rel=1e-6)
     assert question.compared_until_s == pytest.approx(until_s)

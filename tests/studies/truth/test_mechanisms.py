@@ -10,8 +10,8 @@ from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.parts import AnyScene
-from studies.command.trajectory_table import sample_columns
 from studies.extremes import gallery
+from studies.judges.columns import sample_columns
 from studies.judges.converged_truth import COLLOCATION, EXTRAPOLATION
 from studies.judges.metrics import energy_balance_residual_J
 from studies.truth import equations, motion, rigid_walls, stepping

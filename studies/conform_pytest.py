@@ -1,19 +1,31 @@
-"""The suite as pytest runs it on one engine: a test for each claim and scene (see ``plugin``)."""
+"""A plugin of pytest: ``pytest --crankslider-engine my_module:MyEngine`` holds an engine to every claim."""
 
 from functools import cache
 
 import pytest
 
 from engine_models.engines import make_engine
-from studies.conformance.claims import CLAIMS, Trial
-from studies.conformance.mechanisms import NAMES, scene_of
-from studies.conformance.verdicts import OF_ENGINE, tried
+from engine_models.scene.library.mechanisms import ALL_SCENES
+from studies.conform import CLAIMS, OF_ENGINE, Trial, scene_of, tried
+
+OPTION = "--crankslider-engine"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option."""
+    parser.addoption(OPTION, metavar="MODULE:CLASS", help="an engine to hold to crankslider's claims")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Have the tests of this file collected beside what else is asked for."""
+    if config.getoption(OPTION):
+        config.args.append(__file__)
 
 
 @pytest.fixture(scope="session")
 def engine_name(pytestconfig: pytest.Config) -> str:
     """The engine that was asked for."""
-    return str(pytestconfig.getoption("--engine"))
+    return str(pytestconfig.getoption(OPTION))
 
 
 @cache
@@ -21,7 +33,7 @@ def _trial(engine_name: str, scene: str) -> Trial:
     return Trial(make_engine(engine_name), scene_of(scene))
 
 
-@pytest.mark.parametrize("scene", NAMES)
+@pytest.mark.parametrize("scene", ALL_SCENES)
 @pytest.mark.parametrize("claim", CLAIMS)
 def test_claim(engine_name: str, scene: str, claim: str) -> None:
     """Hold the engine to a claim on a scene that it runs."""

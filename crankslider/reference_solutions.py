@@ -1,0 +1,92 @@
+"""The reference solution of a scene as a run, for the validation of other solvers.
+
+``python -m crankslider.reference_solutions FOLDER`` writes that of every library scene: samples as
+``SCENE.csv.xz``, ended contacts as ``SCENE-impacts.csv.xz``, and ``certainty.csv`` with a row for each scene.
+"""
+
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pandas as pd
+
+from crankslider.run import TrueRun
+from engine_models.convergence.doubts import doubts_of_tables
+from engine_models.engine import Engine, Impacts, SimulationFailed, UnsupportedScene
+from engine_models.mechanics.samples import selected
+from engine_models.mechanics.states import lever_m, observed_m
+from engine_models.scene.library import SCENES
+from engine_models.scene.parts import AnyScene
+from studies import clearance
+from studies.failures import Failed
+from studies.judges.converged_truth import COLLOCATION, INDEPENDENT, converged, followed, solved, truth_by
+from studies.judges.metrics import COVERAGE
+
+#: Samples that are published, and digits: two more than the most accurate slider position has.
+SAMPLES, DIGITS = 120, "%.14g"
+
+
+def reference_solution(scene: AnyScene, samples: int) -> TrueRun:
+    """Return the reference solution of a scene.
+
+    Raises:
+        Failed: no solution was found, or two solutions diverge before the first sample.
+    """
+    try:
+        true, repeats = converged(scene, samples)
+        count = followed(scene, samples)
+        by = truth_by(scene, samples)
+        contacts = solved(scene, samples).truth.contacts
+    except (UnsupportedScene, SimulationFailed) as reason:
+        raise Failed(f"no reference solution was found: {reason}") from None
+    if not count:
+        raise Failed("no reference solution was found: two solutions diverge before the first sample")
+    place = observed_m(scene, true)
+    apart = max(float(np.abs(observed_m(scene, one) - place)[:count].max()) for one in repeats)
+    resolution = float(np.spacing(max(np.abs(place).max(), lever_m(scene))))
+    end_s, warnings = true.time_s[count - 1], doubts_of_tables(scene)
+    if count <= samples:
+        warnings.append(f"two solutions diverge after t = {end_s:.6g} s; samples end there")
+    known = selected(true, slice(count))
+    ended = {
+        joint: replace(contact, impacts=_until(contacts[joint].impacts, float(end_s)))
+        for joint, contact in known.contacts.items()
+    }
+    return TrueRun(
+        scene,
+        "truth",
+        cast(Engine, COLLOCATION),
+        replace(known, contacts=ended),
+        tuple(warnings),
+        certain_m=max(COVERAGE * apart, resolution),
+        by="independent equations" if by == INDEPENDENT else "the reference engine",
+    )
+
+
+def _until(impacts: Impacts, end_s: float) -> Impacts:
+    """Return the impacts that have ended by a time."""
+    over = impacts.time_s + impacts.duration_s <= end_s
+    return Impacts(**{name: values[over] for name, values in vars(impacts).items()})
+
+
+def write_reference_solutions(folder: Path, names: Iterable[str] = SCENES) -> None:
+    """Write the reference solutions of library scenes up to the end times of the studies."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for name in names:
+        scene = SCENES[name]()
+        scene = scene.replace("end_time_s", clearance.END_S.get(name, scene.end_time_s))
+        run = reference_solution(scene, SAMPLES)
+        run.frame.to_csv(folder / f"{name}.csv.xz", float_format=DIGITS)
+        if run.trajectory.contacts:
+            run.impacts.to_csv(folder / f"{name}-impacts.csv.xz", index=False, float_format=DIGITS)
+        rows.append((name, run.trajectory.time_s[-1], f"{run.certain_m:.1e}", run.by))
+    head = ["scene", "certain_until_s", "slider_position_uncertainty_m", "solved_by"]
+    pd.DataFrame(rows, columns=head).to_csv(folder / "certainty.csv", index=False)
+
+
+if __name__ == "__main__":
+    write_reference_solutions(Path(sys.argv[1]))

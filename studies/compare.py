@@ -1,0 +1,130 @@
+"""One scene of the user's, every engine that can run it, at a few of its best settings.
+
+What is measured is what the studies measure: errors of recorded runs, and times of bare ones.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine_models import arms
+from engine_models.engine import RunSettings, Trajectory, UnsupportedScene
+from engine_models.mechanics.states import lever_m
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.plain_words import unknown
+from studies import agreement, clearance
+from studies.case import Case, Curves, Row, Value
+from studies.failures import BadInput
+from studies.judges.converged_truth import GRID, converged, followed
+from studies.judges.metrics import signals, with_suffix
+from studies.ladders import Rung, configurations, ladder
+from studies.work_precision import study as work_precision
+
+NAME = "comparison"
+#: A hundredth of the clearance is a line's width in a picture of the pin's path, a millionth of a crank, or
+#: of the longest lever, what a workshop measures. Where the crank is prescribed so is the ideal slider, and a
+#: torque sensor is good to a thousandth.
+CLEARANCE_PART, CRANK_PART, TORQUE_PART = 1e-2, 1e-6, 1e-3
+#: No step is longer than the time between two samples, but impacts are told between them.
+SAMPLES = 60
+#: Settings of a configuration, those in the middle of its series: around what people ask for.
+SETTINGS = 3
+AS_THEY_COME = (arms.EXUDYN, arms.SCIPY)
+#: A run that takes longer would not be recommended. A kernel's compilation counts.
+LIMIT_S = 60.0
+#: What the reference solution may take, which is found before any run is made.
+TRUTH_LIMIT_S = 300.0
+
+
+@dataclass(frozen=True)
+class Question:
+    """The column of errors by which engines are judged, the error wanted in its unit, and until when.
+
+    ``compared_until_s`` is the last sample before the scene's horizon, its end if it has none.
+    """
+
+    column: str
+    wanted: float
+    compared_until_s: float
+
+
+def ask(scene: AnyScene, error: float | None = None, signal: str | None = None) -> Question:
+    """Return the question for a scene, for which its reference solution is found.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: there is none, or it is not known beyond the start.
+        BadInput: there is no such signal, or one other than the scene's own without an error.
+    """
+    truth, _ = converged(scene, GRID)
+    samples = followed(scene, GRID)
+    if samples < 2:
+        raise UnsupportedScene("starts a hair apart part at once: nobody can know its motion")
+    column, wanted = _judged(scene, truth)
+    if signal is not None:
+        columns = {name: with_suffix(name, "error") for name, _ in signals(scene, truth)}
+        columns |= (
+            {_effort(scene).replace("_error", ""): _effort(scene)}
+            if truth.driver_torque_N_m is not None
+            else {}
+        )
+        named = {name.rpartition("_")[0]: name for name in columns} | {name: name for name in columns}
+        if signal not in named:
+            raise BadInput(unknown("signal", signal, columns))
+        if columns[named[signal]] != column and error is None:
+            raise BadInput(f"error: expected the error asked for beside signal {signal}, got nothing")
+        column = columns[named[signal]]
+    return Question(column, wanted if error is None else error, float(truth.time_s[samples - 1]))
+
+
+def _effort(scene: AnyScene) -> str:
+    return "driver_torque_error_N_m" if scene.mechanism.drive.guide is None else "driver_force_error_N"
+
+
+def _judged(scene: AnyScene, truth: Trajectory) -> tuple[str, float]:
+    clearances = scene.clearances.values()
+    if not clearances and scene.speed_is_prescribed:
+        assert truth.driver_torque_N_m is not None
+        if peak_N_m := float(np.abs(truth.driver_torque_N_m).max()):
+            return _effort(scene), TORQUE_PART * peak_N_m
+    wanted_m = CRANK_PART * lever_m(scene)
+    if clearances:
+        wanted_m = CLEARANCE_PART * min(each.radial_clearance_m for each in clearances)
+    name, _ = next(signals(scene, truth))
+    return with_suffix(name, "error"), wanted_m / (lever_m(scene) if name.endswith("_rad") else 1.0)
+
+
+def cases(scene: AnyScene, question: Question, engines: Collection[str]) -> list[Case]:
+    """Return of every setting of the engines named, or of all, the recorded run, then the bare one."""
+    rungs = [rung for rung in _rungs(scene) if not engines or rung.arm.engine in engines]
+    recorded = [_case(scene, question, rung, SAMPLES) for rung in rungs]
+    timed = [_case(scene, question, rung, 1, round=0) for rung in rungs]
+    return list({str(one.head()): one for one in recorded + timed}.values())  # two rungs may be one step
+
+
+def _rungs(scene: AnyScene) -> list[Rung]:
+    """Return settings of the quick set's configurations; an engine without one says once why."""
+    series: dict[str, list[Rung]] = {arm.label: [] for arm in configurations(scene)}
+    for rung in ladder(scene, full=True):
+        if rung.arm.label in series:
+            series[rung.arm.label].append(rung)
+    rungs = []
+    for several in series.values():
+        chosen = np.linspace(0, len(several) - 1, min(SETTINGS + 2, len(several))).round().astype(int)
+        rungs += [several[k] for k in (chosen[1:-1] if len(several) > SETTINGS else chosen)]
+    there = {rung.arm.engine for rung in rungs}
+    return rungs + [Rung(arm, scene.end_time_s) for arm in AS_THEY_COME if arm.engine not in there]
+
+
+def _case(scene: AnyScene, question: Question, rung: Rung, samples: int, **timed: Value) -> Case:
+    run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
+    judged: Row = {"judged_by": question.column, "wanted_error": question.wanted}
+    columns = {**judged, "motion_alone": arms.gives_motion_alone(rung.arm), **timed}
+    return Case(NAME, scene, rung.arm, run, rung.added, timed=bool(timed), limit_s=LIMIT_S, columns=columns)
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Return a recorded run's errors and what needs no truth, with curves; or the times of a bare one."""
+    if case.timed:
+        return work_precision.times(case, SAMPLES), {}
+    return clearance.measure(case) if case.scene.joints_with_clearance else agreement.measure(case)

@@ -1,1 +1,0 @@
-"""What every engine owes, as a suite that anybody can run on an engine: ``crankslider conform``."""

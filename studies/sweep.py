@@ -1,0 +1,345 @@
+"""Sweeps: one scene with many values of its fields, each member a simulation of its own, and a row.
+
+A member's values depend on the seed and on its number alone, not on who runs it.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from engine_models.arms import AS_IT_COMES, Arm, Setting
+from engine_models.convergence.doubts import doubts
+from engine_models.engine import Contact, Engine, FloatArray, RunSettings, SimulationFailed, Trajectory, plain
+from engine_models.engines import make_engine
+from engine_models.mechanics.assembly import start_angle, start_state
+from engine_models.mechanics.closing import closed
+from engine_models.mechanics.quality import quality_of
+from engine_models.mechanics.states import observed_m
+from engine_models.scene.data import SceneError
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.plain_words import shown
+from engine_models.scene.scene import Scene
+from engine_models.scene.units import NUMBER, in_unit, unit_of
+from studies.case import Case, Curves, Row, Value
+from studies.failures import BadInput
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAME = "sweep"
+Sample = Literal["grid", "random", "latin-hypercube", "sobol"]
+MOST_MEMBERS = 100_000
+FORM = "LOW:HIGH[:log][:COUNT] or a list of numbers"
+#: Output intervals in a revolution, and of a whole run at most.
+TURN_SAMPLES, MOST_SAMPLES = 200, 100_000
+#: How the columns of varied fields begin in the rows that are kept.
+VARIED = "varied "
+#: How a member ended.
+ENDS = ("status", "reason", "warnings")
+
+
+def draw_values(
+    scene: AnyScene,
+    vary: Mapping[str, str | Sequence[float]],
+    sample: Sample = "grid",
+    members: int | None = None,
+    jitter: float = 0.0,
+    seed: int = 0,
+) -> dict[str, FloatArray]:
+    """Return the values (n,) of every field that changes, by its path; the last of a grid goes fastest.
+
+    A field has its values as text, ``LOW:HIGH[:log][:COUNT]`` or a list, or as numbers. ``members`` are those
+    of each point of a grid, or in all of a sample. ``jitter`` moves the turning body's angle at the start by
+    up to so many rad to either side.
+
+    Raises:
+        BadInput: there are no members, or too many, or what is asked for does not fit together.
+    """
+    if "end_time_s" in vary:
+        raise BadInput("vary end_time_s: expected transient and revolutions, which end a member's run")
+    ranges = {field: _range(field, values) for field, values in vary.items()}
+    values = _grid(ranges, members, jitter) if sample == "grid" else _drawn(ranges, sample, members, seed)
+    if jitter:
+        try:
+            path, angle = start_angle(scene)
+        except ValueError as reason:
+            raise BadInput(f"jitter: {reason}") from None
+        if path in ranges:
+            raise BadInput(f"jitter: expected nothing beside vary {path}, which it moves")
+        count = len(next(iter(values.values()))) if values else members or 0
+        # Not of the sample's own seed, whose numbers these would be again.
+        values[path] = angle + np.random.default_rng([seed, 1]).uniform(-jitter, jitter, count)
+    return values
+
+
+class Range:
+    """Numbers from ``low`` to ``high``, in equal ratios if ``log``; no ``count`` where they are drawn."""
+
+    def __init__(self, field: str, text: str) -> None:
+        low, high, *rest = text.split(":")
+        self.low, self.high = (_number(field, end) for end in (low, high))
+        self.log = rest[:1] == ["log"]
+        counts = rest[self.log :]
+        if len(counts) > 1 or not all(it.isascii() and it.isdigit() and len(it) < 10 for it in counts):
+            raise BadInput(f"vary {field}: expected {FORM}, got {shown(text)}")
+        self.count = int(counts[0]) if counts else None
+        if not self.low < self.high or (self.log and self.low <= 0):
+            raise BadInput(
+                f"vary {field}: expected a range that rises, with log from above 0, got {shown(text)}"
+            )
+
+    def at(self, part: FloatArray) -> FloatArray:
+        """Return the numbers at parts of the way, (n,), from 0 to 1."""
+        low, high = np.log([self.low, self.high]) if self.log else (self.low, self.high)
+        way = low + (high - low) * part
+        return np.clip(np.exp(way) if self.log else way, self.low, self.high)
+
+
+def _range(field: str, values: str | Sequence[float]) -> Range | FloatArray:
+    if isinstance(values, str) and ":" in values:
+        return Range(field, values)
+    given = values.split(",") if isinstance(values, str) else values
+    numbers = np.array([_number(field, it) if isinstance(it, str) else float(it) for it in given])
+    if not numbers.size or not np.isfinite(numbers).all():
+        raise BadInput(f"vary {field}: expected finite numbers, got {numbers.tolist() or 'none'}")
+    return numbers
+
+
+def _number(field: str, text: str) -> float:
+    unit = unit_of(field.rpartition(".")[2])
+    number = float(text) if NUMBER.fullmatch(text) else in_unit(text, unit) if unit else text
+    if isinstance(number, str) or not math.isfinite(number):
+        raise BadInput(f"vary {field}: expected {FORM}, got {shown(text)}")
+    return number
+
+
+def _grid(
+    ranges: Mapping[str, Range | FloatArray], members: int | None, jitter: float
+) -> dict[str, FloatArray]:
+    if members is not None and not jitter:
+        raise BadInput("members: expected jitter beside it on a grid, whose members would all be the same")
+    if not ranges and members is None:
+        raise BadInput("vary: expected FIELD=VALUES, or members and jitter, got nothing")
+    axes = []
+    for field, values in ranges.items():
+        if isinstance(values, Range):
+            if values.count is None or not 2 <= values.count <= MOST_MEMBERS:
+                expected = f"a count from 2 to {MOST_MEMBERS} behind the ends on a grid"
+                raise BadInput(f"vary {field}: expected {expected}, got {values.count or 'none'}")
+            spaced = np.geomspace if values.log else np.linspace
+            axes.append(spaced(values.low, values.high, values.count))
+        else:
+            axes.append(values)
+    if (count := math.prod(map(len, axes)) * (members or 1)) > MOST_MEMBERS:
+        raise BadInput(f"vary: expected 1 to {MOST_MEMBERS} members, got {count}")
+    grid = np.meshgrid(*axes, indexing="ij")
+    return {
+        field: np.repeat(values.ravel(), members or 1) for field, values in zip(ranges, grid, strict=True)
+    }
+
+
+def _drawn(
+    ranges: Mapping[str, Range | FloatArray], sample: Sample, members: int | None, seed: int
+) -> dict[str, FloatArray]:
+    """Return draws from ranges; Sobol's points are the first of a balanced power of two."""
+    if members is None or not ranges:
+        missing = "members" if ranges else "vary FIELD=LOW:HIGH"
+        raise BadInput(f"sample: expected {missing} beside {sample}, got nothing")
+    generator = np.random.default_rng(seed)
+    if sample == "random":
+        points = generator.random((members, len(ranges)))
+    else:
+        from scipy.stats import qmc  # which takes a second to load
+
+        kind = qmc.LatinHypercube if sample == "latin-hypercube" else qmc.Sobol
+        power_of_two = 2 ** (members - 1).bit_length()
+        points = kind(len(ranges), seed=generator).random(members if sample != "sobol" else power_of_two)
+    values = {}
+    for (field, wanted), part in zip(ranges.items(), points[:members].T, strict=True):
+        if not isinstance(wanted, Range) or wanted.count is not None:
+            came = "a count" if isinstance(wanted, Range) else "a list"
+            raise BadInput(f"vary {field}: expected LOW:HIGH[:log] with sample {sample}, got {came}")
+        values[field] = wanted.at(part)
+    return values
+
+
+def member_cases(
+    scene: AnyScene,
+    values: Mapping[str, FloatArray],
+    engine_name: str,
+    engine: Engine,
+    added: Mapping[str, Setting],
+    columns: Mapping[str, float | None],
+) -> list[Case]:
+    """Return a case for each member; ``columns`` are ``transient``, ``revolutions`` and the longest ``step``.
+
+    Raises:
+        BadInput: a scene at the ends of the values is refused.
+        UnsupportedScene: the engine cannot run it.
+    """
+    turns = float(columns["transient"] or 0.0) + float(columns["revolutions"] or 0.0)
+    first = {name: float(numbers[0]) for name, numbers in values.items()}
+    for name, numbers in values.items():
+        for end in (numbers.min(), numbers.max()):
+            try:
+                checked = member(scene, {**first, name: float(end)}, turns)
+            except SceneError as error:
+                raise BadInput(f"vary {error}") from None
+            if not engine.any_mechanism:
+                plain(checked, engine_name)
+            engine.check(checked)
+    arm, run = Arm(engine_name, AS_IT_COMES), RunSettings(columns["step"] or scene.end_time_s, 1)
+    cases = []
+    for row in np.array([*values.values()]).T.tolist():
+        own: dict[str, Value] = {VARIED + name: value for name, value in zip(values, row, strict=True)}
+        cases.append(Case(NAME, scene, arm, run, added, columns={**columns, **own}))
+    return cases
+
+
+def member_rows(cases: Sequence[Case], fields: Sequence[str], rows: Sequence[Row]) -> "pd.DataFrame":
+    """Return a row per member: its number, the fields that differ, how it ended, and what it did."""
+    import pandas as pd
+
+    by_case = {row["case"]: row for row in rows}
+    table = pd.DataFrame([by_case[case.key] for case in cases])
+    head = {"member": range(len(table))} | {name: table[VARIED + name] for name in fields}
+    ends = {name: table.get(name) for name in ENDS}
+    others = {*cases[0].head(), *ENDS, "case", "exception"}
+    return pd.DataFrame({**head, **ends, **table[[name for name in table if name not in others]]})
+
+
+def member(scene: AnyScene, values: Mapping[str, float], revolutions: float) -> AnyScene:
+    """Return the scene with these values in its fields, by their paths, as long as so many revolutions.
+
+    They are those of the turning body at its speed at the start. Without one, or where it is at rest, a
+    revolution is as long as the scene.
+
+    Raises:
+        SceneError: with them it is none.
+    """
+    scene, body = scene.replace(values), scene.turning_body
+    speed = 0.0 if body is None else float(start_state(scene)[1][body, 2])
+    turn_s = 2 * math.pi / abs(speed) if speed else scene.end_time_s
+    return scene.replace("end_time_s", revolutions * turn_s)
+
+
+def measure(case: Case) -> tuple[Row, Curves]:
+    """Simulate a member as ``crankslider simulate`` does, and return what it did, with its warnings.
+
+    Raises:
+        SimulationFailed, UnsupportedScene: its values give no scene, or the engine has no run of it.
+    """
+    columns = case.columns
+    transient, revolutions = (float(str(columns[name])) for name in ("transient", "revolutions"))
+    varied = {name: it for name, it in columns.items() if name.startswith(VARIED)}
+    values = {name.removeprefix(VARIED): float(str(it)) for name, it in varied.items()}
+    engine = make_engine(case.engine, **case.settings)
+    try:
+        scene = member(case.scene, values, transient + revolutions)
+    except SceneError as reason:
+        raise SimulationFailed(str(reason)) from None
+    samples = max(1, min(round(TURN_SAMPLES * (transient + revolutions)), MOST_SAMPLES))
+    longest_s = scene.end_time_s if columns["step"] is None else float(str(columns["step"]))
+    with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
+        run = engine.simulate(scene, RunSettings(min(longest_s, scene.end_time_s), samples))
+        warnings = doubts(engine, scene, run, to_tolerance=False)
+    numbers = {**quality_of(scene, run).parts(), **summary(scene, run, transient, revolutions)}
+    known = {name: value for name, value in numbers.items() if math.isfinite(value)}
+    return {"warnings": "; ".join(warnings), **known}, {}
+
+
+def summary(scene: AnyScene, run: Trajectory, transient: float, revolutions: float) -> dict[str, float]:
+    """Return what a run did in the revolutions after the transient; NaN is what is not known.
+
+    Of joints with clearance, all taken together: an impact is a touch; one that still lasts at the end has no
+    impulse yet, and its speed is not known. The largest force is that of impacts, found between steps, and of
+    samples. The deviation in m is that of what the scene observes, such as the slider's place, from where
+    ideal joints would have it at the turning body's angle. That angle is the phase of an impact, or without
+    such a body the part of a turn's time: its mean is that of cosine and sine, since angles go round.
+
+    Of a scene with ideal joints: the largest forces of joints and guides, and of its driver, at samples.
+    """
+    turns, body = transient + revolutions, scene.turning_body
+    first = round((len(run.time_s) - 1) * transient / turns)
+    if not run.contacts:
+        return _largest_loads(run, first)
+    turn_s, from_s = scene.end_time_s / turns, run.time_s[first]
+    touch_s, speed, impulse = _touches(run, from_s)
+    late = replace(run, position=run.position[first:], velocity=run.velocity[first:])
+    ideal = replace(late, position=closed(scene, late.position, body))
+    deviation = observed_m(scene, late) - observed_m(scene, ideal)
+    angle = 2 * np.pi * run.time_s / turn_s if body is None else run.position[:, body, 2]
+    phase = np.interp(touch_s, run.time_s, angle) % (2 * np.pi)
+    contacts, lost = run.contacts.values(), run.dissipated_energy_J
+    assert lost is not None, "there are contacts"
+    pressed = np.sum([contact.normal_impulse_N_s for contact in contacts], axis=0)
+    in_flight = np.all([contact.penetration_m[first:] < 0 for contact in contacts], axis=0)
+    compliant = [run.contacts[joint] for joint, own in scene.clearances.items() if own.law != "rigid"]
+    subject = "slider" if isinstance(scene, Scene) and scene.is_crank_slider else "observed"
+    return {
+        "impacts_per_revolution": len(touch_s) / revolutions,
+        "flight_part": float(in_flight.mean()),
+        "impact_speed_m_s": _mean(speed),
+        "impulse_N_s": _mean(impulse),
+        "impulse_per_revolution_N_s": float(pressed[-1] - pressed[first]) / revolutions,
+        "largest_contact_force_N": max(
+            (_peak_N(each, first, from_s) for each in compliant), default=math.nan
+        ),
+        "dissipated_energy_per_revolution_J": float((lost[-1] - lost[first]) / revolutions),
+        f"{subject}_deviation_m": float(np.abs(deviation).max()),
+        f"rms_{subject}_deviation_m": float(np.sqrt(np.mean(deviation**2))),
+        "impact_phase_cosine": _mean(np.cos(phase)),
+        "impact_phase_sine": _mean(np.sin(phase)),
+    }
+
+
+def _largest_loads(run: Trajectory, first: int) -> dict[str, float]:
+    joints = {name: np.hypot(*force.T) for name, force in run.joint_force_N.items()}
+    loads = {f"largest_joint_{name}_force_N": force for name, force in joints.items()}
+    loads |= {f"largest_{name}_normal_force_N": force for name, force in run.guide_force_N.items()}
+    if run.driver_torque_N_m is not None:
+        loads["largest_driver_torque_N_m"] = run.driver_torque_N_m
+    return {name: float(np.abs(load[first:]).max()) for name, load in loads.items()}
+
+
+def _mean(values: FloatArray) -> float:
+    return float(np.nanmean(values)) if np.isfinite(values).any() else math.nan
+
+
+def _peak_N(contact: Contact, first: int, from_s: float) -> float:
+    """Return the largest normal force of a contact from a sample on, between samples that of its impacts."""
+    impacts = contact.impacts
+    late = impacts.largest_normal_force_N[impacts.largest_normal_force_time_s >= from_s]
+    return float(max(contact.normal_force_N[first:].max(), late.max(initial=0.0)))
+
+
+def _touches(run: Trajectory, from_s: float) -> FloatArray:
+    """Return times, speeds and impulses of touches from a time on, (3, m), NaN of what is not known."""
+    parts = []
+    for contact in run.contacts.values():
+        impacts, lasting = contact.impacts, _lasting_s(run.time_s, contact)
+        unknown = np.full(len(lasting), np.nan)
+        over = impacts.time_s, impacts.approach_speed_m_s, impacts.normal_impulse_N_s
+        parts.append(np.concatenate([over, (lasting, unknown, unknown)], axis=1))
+    touches = np.concatenate(parts, axis=1)
+    touches = touches[:, np.argsort(touches[0], kind="stable")]
+    return np.asarray(touches[:, touches[0] >= from_s])
+
+
+def _lasting_s(time_s: FloatArray, contact: Contact) -> FloatArray:
+    """Return when the contact began that lasts at the end: nothing if there is none, or it never began.
+
+    That is between two samples, or where the one before ended if no sample lies in the flight between.
+    """
+    depth, over = contact.penetration_m, contact.impacts.time_s + contact.impacts.duration_s
+    flying = np.flatnonzero(depth < 0)
+    if depth[-1] < 0 or not (len(flying) or len(over)):
+        return np.empty(0)
+    began = list(over)
+    if len(flying):
+        last = slice(flying[-1], flying[-1] + 2)
+        began.append(np.interp(0.0, depth[last], time_s[last]))
+    return np.array([max(began)])

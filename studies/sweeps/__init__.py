@@ -1,1 +1,0 @@
-"""Sweeps: one scene with many values of its fields, a row for each."""
