@@ -1,11 +1,10 @@
-"""The true solution of any scene, with a repeat that tells how far, and until when, it can be followed.
+"""The reference solution of any scene, with a repeat that tells how far, and until when, it can be followed.
 
-It is that of ``studies.truth``, which shares nothing with the solvers: by Radau's collocation, and again by
-extrapolation, a method of another kind at another tolerance, begun some units in the last place beside. The
-repeat's error is the larger by far, so that their distance bounds the truth's (see ``metrics.COVERAGE``). The
-reference by DOP853 is a cross-check, and no more. Only where the truth refuses, as past a position in which
-loops are singular, it stands in, with repeats of its own. Scenes are followed up to the horizon, where
-repeats, or runs begun a hair beside, part. All are kept on disk (see ``run_cache``).
+It is the independent solver's at its sharpest, and the reference's by DOP853 at its sharpest, by another
+formulation, confirms it, begun some units in the last place to either side: their distance bounds its error
+(see ``metrics.COVERAGE``). Where the independent solver refuses, as where a pin follows a rigid wall or rubs
+on it, or loops are singular, the reference by two methods stands in. Scenes are followed up to the horizon,
+where repeats, or runs begun a hair beside, part. All are kept on disk (see ``run_cache``).
 """
 
 from contextlib import suppress
@@ -29,25 +28,21 @@ from engine_models.mechanics.impacts import BESIDE, POINTS, instants_in, with_la
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import observed_m
-from engine_models.reference.engine import ReferenceEngine
+from engine_models.minimal.model import LimitPosition
+from engine_models.minimal.sharp import SharpSolver
+from engine_models.reference.engine import SHARPEST, ReferenceEngine
 from engine_models.scene.parts import AnyScene
 from studies.judges.horizon import PERTURBATION_RAD, a_place_off, moved
 from studies.judges.metrics import sizes
 from studies.judges.run_cache import kept, kept_run
-from studies.truth.solver import TrueSolver
 
-#: The solver of the truth: at 1e-14 the slider of the library's scenes is elsewhere by 4e-12 m at most, at
-#: 1e-11, for six tenths of the steps, by 3e-10.
-COLLOCATION = TrueSolver("collocation", 1e-13)
-#: Those of its repeats, which leave out shorter flights between rigid walls.
-EXTRAPOLATION = TrueSolver("extrapolation", 1e-14, shortest_flight_s=1e-9)
-COARSER = TrueSolver("collocation", 1e-12, shortest_flight_s=1e-9)
+#: The independent solver, and the reference's run that confirms it.
+TRUE, CONFIRMING = SharpSolver(), ReferenceEngine(method="dop853", step_tolerance=SHARPEST)
 #: So many units in the last place beside the truth's start a repeat begins. What comes of one place is no
-#: more than of rounding in the truth, and less by chance: between rigid walls up to half of others
-#: were beyond three times that.
+#: more than of rounding in the truth, and less by chance.
 PLACES = 8.0
-#: The cross-check, and what stands in with it: its runs at ten times the tolerance, and by RK4 at this step.
-SHARP, LESS_SHARP = (ReferenceEngine(method="dop853", step_tolerance=at) for at in (1e-13, 1e-12))
+#: What stands in: the reference at ten times its sharpest tolerance, at a hundred times, and by RK4.
+SHARP, LESS_SHARP = (ReferenceEngine(method="dop853", step_tolerance=at * SHARPEST) for at in (10, 100))
 RK4, RK4_STEP_S = ReferenceEngine(method="rk4"), 1e-6
 #: Scenes whose samples divide these are solved once.
 GRID = 120
@@ -141,7 +136,7 @@ def _at_least(samples: int) -> int:
 def _telling_times_s(scene: AnyScene) -> tuple[float, ...]:
     """Return the times within the impacts of the true solution, and those at which a signal is large."""
     dense = RunSettings(scene.end_time_s, DENSE)
-    return kept(__name__, COLLOCATION, scene, dense, lambda: _found_telling(scene, dense))
+    return kept(__name__, TRUE, scene, dense, lambda: _found_telling(scene, dense))
 
 
 def _found_telling(scene: AnyScene, dense: RunSettings) -> tuple[float, ...]:
@@ -171,7 +166,9 @@ def _found_telling(scene: AnyScene, dense: RunSettings) -> tuple[float, ...]:
 
 def _sampled(scene: AnyScene, dense: RunSettings) -> Trajectory:
     try:
-        return COLLOCATION.simulate(scene, dense)
+        return TRUE.simulate(scene, dense)
+    except LimitPosition:
+        raise
     except (UnsupportedScene, SimulationFailed):
         return SHARP.simulate(scene, dense)
 
@@ -195,14 +192,17 @@ def _begins_and_ends_s(run: Trajectory, contact: Contact) -> FloatArray:
 
 def _solved(scene: AnyScene, whole: RunSettings) -> Solved:
     """Return what solves a scene, and its solution, at the times of a run in whole steps."""
-    fine, beside = replace(whole, step_s=RK4_STEP_S), a_place_off(scene, PLACES)
+    beside, other = (a_place_off(scene, side * PLACES) for side in (1.0, -1.0))
     try:
-        truth, repeat = kept_run(COLLOCATION, scene, whole), _repeat(beside, whole)
-        return Solved(require_quality(scene, truth), (require_quality(scene, repeat),), INDEPENDENT)
+        runs, by = [kept_run(TRUE, scene, whole)], INDEPENDENT
+        runs += [kept_run(CONFIRMING, begun, whole) for begun in (beside, other)]
+    except LimitPosition:
+        raise
     except (UnsupportedScene, SimulationFailed):
-        runs = ((SHARP, scene, whole), (LESS_SHARP, beside, whole), (RK4, beside, fine))
-        truth, *others = (require_quality(scene, kept_run(*run)) for run in runs)
-        return Solved(truth, tuple(others), REFERENCE)
+        runs, by = [kept_run(SHARP, scene, whole), kept_run(LESS_SHARP, beside, whole)], REFERENCE
+        runs.append(kept_run(RK4, other, replace(whole, step_s=RK4_STEP_S)))
+    truth, *repeats = (require_quality(scene, run) for run in runs)
+    return Solved(truth, tuple(repeats), by)
 
 
 def true_at(scene: AnyScene, run: RunSettings) -> Trajectory:
@@ -212,14 +212,6 @@ def true_at(scene: AnyScene, run: RunSettings) -> Trajectory:
         UnsupportedScene, SimulationFailed: see ``solved``.
     """
     return _solved(scene, run).truth
-
-
-def _repeat(scene: AnyScene, whole: RunSettings) -> Trajectory:
-    """Return the repeat: the explicit method's, or if that takes too many steps a coarser implicit one."""
-    try:
-        return kept_run(EXTRAPOLATION, scene, whole)
-    except SimulationFailed:
-        return kept_run(COARSER, scene, whole)
 
 
 def cross_check(scene: AnyScene, samples: int) -> Trajectory:

@@ -18,11 +18,11 @@ from studies.case import project_code, versions
 
 Kept = TypeVar("Kept")
 #: The folders whose files decide a run.
-CODE = ("reference_solver", "engine_models", "studies/truth", "studies/judges")
+CODE = ("reference_solver", "engine_models", "studies/judges")
 
 
 class Solver(Protocol):
-    """A frozen dataclass of settings that can run scenes: an engine, or the solver of the truth."""
+    """A frozen dataclass of settings that can run scenes: an engine, or the independent solver."""
 
     def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
         """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""

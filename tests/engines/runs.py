@@ -8,7 +8,7 @@ import numpy as np
 from engine_models.engine import Contact, Engine, FloatArray, Impacts, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.parts import AnyScene
-from studies.judges.converged_truth import COLLOCATION
+from studies.judges.converged_truth import converged
 
 #: Equal output intervals of the runs that are compared.
 SAMPLES = 20
@@ -26,8 +26,8 @@ def engine(name: str) -> Engine:
 
 @cache
 def true_solution(scene: AnyScene, samples: int = SAMPLES) -> Trajectory:
-    """Return the reference solution, of independent equations and by another method than any engine's."""
-    return COLLOCATION.simulate(scene, RunSettings(scene.end_time_s, samples))
+    """Return the reference solution, of independent equations where there is one."""
+    return converged(scene, samples)[0]
 
 
 def fresh(name: str, scene: AnyScene, steps: int, samples: int = SAMPLES) -> Trajectory:

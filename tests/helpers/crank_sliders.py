@@ -6,8 +6,7 @@ from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.assembly import start_state
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Link, Scene, Start
-from studies.judges.converged_truth import COLLOCATION
-from studies.truth.solver import TrueSolver
+from studies.judges.converged_truth import TRUE
 
 
 def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -15,9 +14,9 @@ def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return q.ravel(), v.ravel()
 
 
-def in_minimal_coordinates(scene: Scene, samples: int = 30, solver: TrueSolver = COLLOCATION) -> Trajectory:
+def in_minimal_coordinates(scene: Scene, samples: int = 30) -> Trajectory:
     """Return the independent solution of a scene."""
-    return solver.simulate(scene, RunSettings(scene.end_time_s, samples))
+    return TRUE.simulate(scene, RunSettings(scene.end_time_s, samples))
 
 
 #: A crank that is held while a load pushes the slider.

@@ -1,7 +1,6 @@
-"""The stated uncertainty of the truth encloses sharper solutions whose every number is a place off."""
+"""The stated uncertainty of the truth encloses solutions whose every number is a place off."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,15 +11,16 @@ from engine_models.mechanics.samples import selected
 from engine_models.scene.data import SceneData
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.clearance import END_S, SAMPLES
-from studies.judges.converged_truth import COLLOCATION, PLACES, converged, followed
+from studies.judges.converged_truth import PLACES, TRUE, converged, followed
 from studies.judges.horizon import a_place_off
 from studies.judges.metrics import errors, uncertainties
+from studies.settings import END_S
+
+SAMPLES = 120
 
 #: Solutions of each scene, and how many of their numbers at how many ends have to be enclosed. A solution is
 #: a twentieth, and which are enclosed is a matter of rounding: 0.92 to 1 on the processors seen.
 DRAWS, ENDS, ENCLOSED = 20, 12, 0.85
-SHARPER = replace(COLLOCATION, tolerance=1e-14)
 
 
 def rounded(data: SceneData, rng: np.random.Generator) -> SceneData:
@@ -51,19 +51,19 @@ def enclosed(
 
 
 LOOSE = ("clearance-free-0.5mm", "clearance-driven-0.5mm", "clearance-driven-AB")
-RIGID = ("rigid-free-0.5mm", "rigid-compressor")
 
 
-@pytest.mark.parametrize("name", ["ideal-driven", *LOOSE, *RIGID])
+@pytest.mark.parametrize("name", ["ideal-driven", *LOOSE])
 def test_solutions_of_rounded_numbers_lie_within_the_uncertainty(name: str) -> None:
     scene = SCENES[name]()
     scene = scene.model_copy(update={"end_time_s": END_S.get(name, scene.end_time_s)})
     truth, repeats = converged(scene, SAMPLES)
     begun = [one.position[0, 0, 2] for one in (truth, *repeats)]
-    assert begun == pytest.approx([0.0, PLACES * np.spacing(1.0)], abs=1e-25), "some places off"
+    off = PLACES * np.spacing(1.0)
+    assert begun == pytest.approx([0.0, off, -off], abs=1e-25), "some places off"
     run = RunSettings(scene.end_time_s, SAMPLES)
     draws = (rounded(scene, np.random.default_rng(seed)) for seed in range(DRAWS))
-    others = (SHARPER.simulate(draw, run) for draw in draws if isinstance(draw, Scene))
+    others = (TRUE.simulate(draw, run) for draw in draws if isinstance(draw, Scene))
     parts = enclosed(scene, truth, list(repeats), others, followed(scene, SAMPLES))
     assert min(parts.values()) >= ENCLOSED, parts
 

@@ -52,7 +52,7 @@ def test_whatever_decides_a_run_makes_another_and_a_study_s_code_does_not(
     ):
         kept_run(*asked)
     assert len(runs) == 4
-    assert {"reference_solver", "engine_models", "studies/truth"} < set(run_cache.CODE)
+    assert {"reference_solver", "engine_models", "studies/judges"} == set(run_cache.CODE)
     assert "studies" not in run_cache.CODE
     monkeypatch.setattr(run_cache, "project_code", lambda folders: f"other code of {folders}")
     kept_run(SHARP, SCENE, SETTINGS)

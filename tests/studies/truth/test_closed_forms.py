@@ -25,7 +25,7 @@ from tests.studies.truth.closed_forms.crank_slider import configuration, exact
 
 #: Set R: crank radius times speed squared is the scale of the accelerations.
 SPEED = 2 * np.pi * 5000 / 60
-#: What is within this of a closed form is right: collocation at 1e-13, over ten turns.
+#: What is within this of a closed form is right, over ten turns.
 RIGHT = 1e-11
 #: Equations in absolute coordinates, with multipliers.
 SCIPY = "scipy rtol=1e-12 atol=1e-14"
@@ -169,11 +169,16 @@ def test_a_rod_as_long_as_the_crank_goes_through_its_fold_free_and_has_no_truth_
     theta = truth.position[:, 0, 2]
     assert theta[-1] > np.pi / 2, "no fold was passed"
     np.testing.assert_allclose(truth.position[:, -1, 0], 0.1 * np.cos(theta), atol=RIGHT)
-    with pytest.raises(SimulationFailed, match=r"from t = 0\.00[0-9]+ s .* singular configuration"):
+    with pytest.raises(SimulationFailed, match=r"at t = 0\.00[0-9]+ s: the drive has come to"):
         truth_of(driven)
 
 
-WHEELS = [name for name, case in gallery().items() if case.check in ("dropped", "bounced")]
+WHEELS = [
+    name
+    for name, case in gallery().items()
+    if (joint := case.scene.clearance.O)
+    and not (case.scene.is_crank_slider or joint.friction or name == "start on the wall")
+]
 
 
 def bouncing(scene: Scene, time_s: FloatArray) -> FloatArray:
@@ -192,10 +197,11 @@ def bouncing(scene: Scene, time_s: FloatArray) -> FloatArray:
 @pytest.mark.parametrize("name", WHEELS)
 def test_a_dropped_wheel_bounces_as_by_hand_or_by_a_law_as_scipy_has_it(name: str) -> None:
     scene = gallery()[name].scene
-    truth = truth_of(scene, 120)
+    truth = converged(scene, 120)[0]
     if scene.clearances["O"].law == "rigid":
         height = bouncing(scene, truth.time_s)
     else:
+        assert truth_by(scene, 120) == INDEPENDENT
         height = run(SCIPY, scene, 1, 120).position[:, 0, 1]
     off = np.abs(truth.position[:, 0, 1] - height).max() / np.ptp(height)
     assert off < 1e-8, f"{off:.1e} of the height"  # errors grow from bounce to bounce

@@ -1,30 +1,26 @@
 """The truth of any mechanism: published and independent ends, and closed forms."""
 
 import math
-from types import ModuleType
 
 import numpy as np
 import pytest
 
-from engine_models.engine import Engine, RunSettings, Trajectory
+from engine_models.engine import RunSettings, Trajectory
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.parts import AnyScene
 from studies.extremes import gallery
 from studies.judges.columns import sample_columns
-from studies.judges.converged_truth import COLLOCATION, EXTRAPOLATION
+from studies.judges.converged_truth import TRUE
 from studies.judges.metrics import energy_balance_residual_J
-from studies.truth import equations, motion, rigid_walls, stepping
-from studies.truth.solver import TrueSolver
+from studies.judges.run_cache import Solver
 from tests.engines.mechanism_texts import (
     ENDS,
     TEXTS,
     scene,
 )
 from tests.engines.runs import run as run_of
-from tests.helpers.imports import imported
 
-METHODS = (COLLOCATION, EXTRAPOLATION)
 #: Twice to ten times what is measured, with round-off of the integration that the ends come from.
 ENDS_WITHIN = {
     "crank-slider": 2e-11,
@@ -39,15 +35,14 @@ ENDS_WITHIN = {
 }
 
 
-def solved(of: AnyScene, solver: TrueSolver = COLLOCATION, samples: int = 40) -> Trajectory:
-    return solver.simulate(of, RunSettings(of.end_time_s, samples))
+def solved(of: AnyScene, samples: int = 40) -> Trajectory:
+    return TRUE.simulate(of, RunSettings(of.end_time_s, samples))
 
 
-@pytest.mark.parametrize("solver", METHODS, ids=lambda solver: solver.method)
 @pytest.mark.parametrize("name", TEXTS)
-def test_it_ends_where_another_integration_ends(name: str, solver: TrueSolver) -> None:
+def test_it_ends_where_another_integration_ends(name: str) -> None:
     of = scene(TEXTS[name])
-    run = solved(of, solver, 1)
+    run = solved(of, 1)
     expected = np.array([ENDS[name][body] for body in of.mechanism.names])
     off = np.abs(run.position[-1] - expected).max()
     assert off < ENDS_WITHIN[name], f"off by {off:.1e}"
@@ -55,11 +50,10 @@ def test_it_ends_where_another_integration_ends(name: str, solver: TrueSolver) -
         assert len(run.contacts["B"].impacts.time_s) == 36, "and one more that has not ended"
 
 
-@pytest.mark.parametrize("solver", METHODS, ids=lambda solver: solver.method)
-def test_a_rod_that_turns_while_the_crank_swings_changes_coordinates(solver: TrueSolver) -> None:
+def test_a_rod_that_turns_while_the_crank_swings_changes_coordinates() -> None:
     """With a rod of 0.8 crank lengths neither angle makes the other follow all the way round."""
     of = gallery()["L = 0.8 r, free"].scene
-    run, absolute = solved(of, solver), run_of("scipy rtol=1e-12 atol=1e-14", of, 1, 40)
+    run, absolute = solved(of), run_of("scipy rtol=1e-12 atol=1e-14", of, 1, 40)
     assert abs(run.position[-1, 1, 2]) > 2 * math.pi
     off = np.abs(run.position[:, 2, 0] - absolute.position[:, 2, 0]).max()
     assert off < 1e-9, f"off by {off:.1e} m"
@@ -89,8 +83,8 @@ free_length_m = 0.0
 """
 
 
-@pytest.mark.parametrize("solver", [*METHODS, ReferenceEngine(), ExudynEngine()], ids=str)
-def test_a_spring_without_a_length_does_not_pull(solver: TrueSolver | Engine) -> None:
+@pytest.mark.parametrize("solver", [TRUE, ReferenceEngine(), ExudynEngine()], ids=str)
+def test_a_spring_without_a_length_does_not_pull(solver: Solver) -> None:
     """The pendulum's angular acceleration is m g l/(I + m l^2) = 4: of 20 N the rail bears 18."""
     of = scene(COINCIDENT)
     columns = sample_columns(of, solver.simulate(of, RunSettings(1e-4, 2)))
@@ -98,19 +92,3 @@ def test_a_spring_without_a_length_does_not_pull(solver: TrueSolver | Engine) ->
     expected = {"spring_s_force_N": 0.0, "cart_acceleration_x_m_s2": 0.0, "ground_force_x_N": 0.0}
     for name, value in (expected | {"ground_force_y_N": -18.0}).items():
         assert columns[name][0] == pytest.approx(value, abs=1e-9), name
-
-
-@pytest.mark.parametrize("module", [equations, stepping, motion, rigid_walls], ids=lambda m: m.__name__)
-def test_machine_code_is_kept_by_the_text_of_all_that_is_compiled_with_it(module: ModuleType) -> None:
-    own, left = set[str](), [module.__name__]
-    while left:
-        file = f"{left.pop().replace('.', '/')}.py"
-        names = (name for name in imported(file) if name.startswith("studies.truth."))
-        parts = {".".join(name.split(".")[:3]) for name in names}
-        left += sorted(parts - own)
-        own |= parts
-    by_text = {module.__name__, *(part.__name__ for part in module.COMPILED_WITH)}
-    python = {"studies.truth.mechanism", "studies.truth.rigid_walls"}
-    if module is rigid_walls:  # of its pieces of friction Python runs the text
-        python |= {"studies.truth.switches", "studies.truth.stepping"}
-    assert own - by_text <= python, "which is Python"

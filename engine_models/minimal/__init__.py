@@ -1,0 +1,1 @@
+"""The independent solver in minimal coordinates; read ``equations``, then ``model``, then ``run``."""

@@ -1,0 +1,417 @@
+"""A scene as the numbers of ``equations``: its joints, walls, loads and drive, its start, its coordinates."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PPoly
+
+from engine_models.engine import AdapterCannot, ImpossibleStart, SimulationFailed, UnsupportedScene
+from engine_models.mechanics.states import way
+from engine_models.minimal import equations as eq
+from engine_models.scene.general import placed_start
+from engine_models.scene.mechanism import levers_m, state_of
+from engine_models.scene.parts import AnyScene, GeneralParts
+from engine_models.scene.scene import Scene
+from reference_solver.mechanism import data
+
+FloatArray = NDArray[np.float64]
+#: No body, no curve.
+NONE = -1.0
+GROUND = [NONE, 0.0, 0.0]
+#: The largest of T, in units of coordinates, from which on other coordinates are to depend; and the least
+#: pivot of rows by the largest, below which a position is singular.
+STEEP, SINGULAR = 4.0, 1e-7
+#: Floor of the approach speed in laws that divide by it, where the scene gives none.
+SLOWEST_M_S = 1e-6
+#: By how much joints may be open at the start, as a part of the size, and drift apart, of the largest speed.
+CLOSED = 1e-9
+#: Newton's steps to close joints, and the change that ends them.
+STEPS, CHANGE = 20, 1e-15
+
+
+def damping_of(law: str, e: float) -> float:
+    """Return a(e) of F = K delta^n (1 + a delta'/v0), from each law's paper; 0 of those without restitution.
+
+    Raises:
+        UnsupportedScene: the law is none of these.
+    """
+    match law:
+        case "hunt-crossley":
+            return 1.5 * (1 - e)
+        case "lankarani-nikravesh":
+            return 0.75 * (1 - e * e)
+        case "gonthier":
+            return (1 - e * e) / e
+        case "zhiying-qishao":
+            return 0.75 * (1 - e * e) * math.exp(2 - 2 * e)
+        case "flores":
+            return 1.6 * (1 - e) / e
+        case "hu-guo":
+            return 1.5 * (1 - e) / e
+        case "carvalho-martins":
+            return 1.5 * (1 - e) * (11 - e) / (1 + 9 * e)
+        case "linear" | "kelvin-voigt" | "hertz" | "rigid":
+            return 0.0
+    raise UnsupportedScene(f"the independent solver has no contact law {law!r}")
+
+
+def wall_of(room: data.ClearanceData) -> list[float]:
+    """Return the columns of a contact behind its ends."""
+    law, friction, e, c = room.law, room.friction, room.restitution or 0.0, room.radial_clearance_m
+    K = room.stiffness or 0.0
+    if law != "rigid" and room.stiffness is None:
+        # Hertz, a pin in a hole of its own material: 4/(3 (s_i + s_j)) sqrt(R_i R_j/(R_i - R_j))
+        assert room.young_modulus_Pa is not None
+        assert room.poisson_ratio is not None
+        hole = room.bearing_radius_m
+        K = 2 * room.young_modulus_Pa / (3 * (1 - room.poisson_ratio**2)) * math.sqrt(hole * (hole - c) / c)
+    rubs = [0.0, 1.0, 0.0, 0.0]
+    if friction is not None:
+        if friction.law not in ("saturated-linear", "ambrosio", "tanh"):
+            raise UnsupportedScene(f"the independent solver has no friction law {friction.law!r}")
+        speeds = friction.regularisation_speed_m_s, friction.dead_band_speed_m_s or 0.0
+        rubs = [friction.coefficient, *speeds, float(friction.law == "tanh")]
+    return [
+        c,
+        room.bearing_radius_m,
+        K,
+        room.exponent or (1.0 if law in ("linear", "kelvin-voigt") else 1.5),
+        damping_of(law, e),
+        room.damping_N_s_m or 0.0,
+        room.minimum_impact_speed_m_s or (0.0 if law == "rigid" else SLOWEST_M_S),
+        e,
+        float(room.may_pull or law == "kelvin-voigt"),
+        float(room.may_pull),
+        *rubs,
+    ]
+
+
+def curve_of(table: data.Table) -> PPoly:
+    """Return the curve through a table."""
+    x, y = np.array(table.x), np.array(table.y)
+    if table.period:
+        x[-1], y[-1] = x[0] + table.period, y[0]
+    if table.interpolation == "linear":
+        return PPoly(np.array([np.diff(y) / np.diff(x), y[:-1]]), x)
+    if table.period:
+        return CubicSpline(x, y, bc_type="periodic")
+    level = 0.0 if y[1] == y[0] else None, 0.0 if y[-1] == y[-2] else None
+    ends = table.end_slopes or level
+    return CubicSpline(x, y, bc_type=tuple("not-a-knot" if slope is None else (1, slope) for slope in ends))
+
+
+@dataclass(frozen=True)
+class Kinks:
+    """Where the pieces of a curve over a coordinate of y begin, (n,), with the end; and its period or 0."""
+
+    coordinate: int
+    begins: FloatArray
+    period: float
+
+    def piece(self, y: FloatArray) -> int:
+        """Return the piece that a state is in, counted on from period to period; -1 is before the first."""
+        x, first, count = float(y[self.coordinate]), self.begins[0], len(self.begins) - 1
+        turns = math.floor((x - first) / self.period) if self.period else 0
+        return turns * count + int(np.searchsorted(self.begins, x - turns * self.period, "right")) - 1
+
+    def begin(self, piece: int) -> float:
+        """Return where a piece begins."""
+        count = len(self.begins) - 1
+        turns = piece // count if self.period else 0
+        return float(self.begins[piece - turns * count] + turns * self.period)
+
+
+class LimitPosition(SimulationFailed):
+    """A prescribed motion has come to where its mechanism cannot follow."""
+
+
+class Model:
+    """y' = f(t, y), y = (q, v, sums), of a scene's mechanism, in the present phases of its contacts.
+
+    ``p`` has all numbers of the mechanism (see ``equations``), ``start`` (state,) is the state at t = 0, and
+    ``size`` 3b. ``sums`` names the sums, and ``parts`` the parts of loads, a drive's torque included.
+
+    Raises:
+        ImpossibleStart: joints do not close at the start, or there is none.
+        UnsupportedScene: a contact has a law that is not known here.
+    """
+
+    def __init__(self, scene: AnyScene) -> None:
+        self.scene, self.of = scene, scene.mechanism
+        q, v = _start_of(scene)
+        self.turns_rad = turns_of(q[2::3])
+        q[2::3] -= self.turns_rad
+        self.size, self._curves, self._pieces = len(q), list[list[float]](), [np.zeros((0, 5))]
+        self.kinks = list[Kinks]()
+        parts, joints = [*self._parts()], [*self._joints(q)]
+        self.parts = [name for name, _ in parts]
+        self.rows = sum(2 if row[0] == eq.PIN else 1 for row in joints)
+        contacts = [[*_ends(pin), *wall_of(pin.clearance)] for pin in self.of.loose if pin.clearance]
+        driver = ["driver"] if self.of.drive.prescribes else []
+        sums = ("normal_impulse_N_s", "normal_loss_J", "clipped_loss_J", "friction_loss_J")
+        self.sums = [*((pin.name, each) for pin in self.of.loose for each in sums), *self.parts, *driver]
+        most = self.rows + len(contacts)
+        levers = levers_m(self.of)
+        self.lever_m = max(levers) or 1.0
+        self.unit = np.tile([self.lever_m, self.lever_m, 1.0], len(self.of.bodies))
+        told = 2 * self.size + most + eq.OF_CONTACT * len(contacts) + len(parts) + 2
+        motion = self._motion()
+        self.p = _packed(
+            [
+                [[body.mass_kg, body.inertia_kg_m2] for body in self.of.bodies],
+                joints,
+                contacts,
+                [row for _, row in parts],
+                self._curves,
+                np.concatenate(self._pieces),
+                [[*self.of.gravity_m_s2, self.of.drive.clock_s, *motion, most]],
+                [np.arange(self.size), self.unit],
+                np.zeros((len(contacts), 2)),
+                np.zeros((1, told)),
+            ]
+        )
+        self.contacts, self.phases = self._block(eq.CONTACTS), self._block(eq.PHASES)
+        self.order, self.told = self._block(eq.ORDER)[0], self._block(eq.TOLD)[0]
+        first = 2 * self.size + most
+        of_contacts = self.told[first : first + eq.OF_CONTACT * len(contacts)]
+        self.contacts_told: FloatArray = of_contacts.reshape(-1, eq.OF_CONTACT)
+        self._require_closed(q, v)
+        self.start = self.closed(0.0, np.concatenate([q, v, np.zeros(len(self.sums))]))
+
+    def __call__(self, t: float, y: FloatArray) -> FloatArray:
+        """Return y'; ``told`` is of that state then."""
+        out = np.empty(len(y))
+        eq.rates(self.p, t, y, out)
+        return out
+
+    def _block(self, number: int) -> FloatArray:
+        first, rows, columns = self.p[3 * number : 3 * number + 3].astype(int).tolist()
+        return self.p[first : first + rows * columns].reshape(rows, columns)
+
+    def look(
+        self, t: float, q: FloatArray, v: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return B (m, 3b) of all rows, and g, c and gamma (m,)."""
+        most = self.rows + len(self.phases)
+        B, (g, c, gamma) = np.empty((most, self.size)), np.empty((3, most))
+        m = eq.look(self.p, t, q, v, B, g, c, gamma)
+        return B[:m], g[:m], c[:m], gamma[:m]
+
+    def closed(self, t: float, y: FloatArray) -> FloatArray:
+        """Return a state near y that closes all rows, after a choice of the coordinates that depend there.
+
+        Raises:
+            SimulationFailed: the position is singular.
+        """
+        y, size = y.copy(), self.size
+        q, v = y[:size], y[size : 2 * size]
+        B, *_ = self.look(t, q, v)
+        m = len(B)
+        dependent = self.choose(t, B)
+        for _ in range(STEPS if m else 0):
+            B, g, *_ = self.look(t, q, v)
+            change = np.linalg.solve(B[:, dependent], g)
+            q[dependent] -= change
+            if not np.abs(change / self.unit[dependent]).max() > CHANGE:
+                break
+        B, _, c, _ = self.look(t, q, v)
+        rest = self.order[m:].astype(int)
+        v[dependent] = np.linalg.solve(B[:, dependent], c - B[:, rest] @ v[rest]) if m else v[dependent]
+        return y
+
+    def choose(self, t: float, B: FloatArray) -> NDArray[np.int64]:
+        """Choose the coordinates that depend by a pivoted factorisation of rows, and return them."""
+        m, dependent = len(B), np.zeros(0, np.int64)
+        if m:
+            scaled = B * self.unit
+            scaled /= np.linalg.norm(scaled, axis=1)[:, None]
+            R, pivots = scipy.linalg.qr(scaled, mode="r", pivoting=True)
+            diagonal = np.abs(np.diag(R))
+            if m > self.size or not diagonal[-1] > SINGULAR * diagonal[0]:
+                raise self.singular(t)
+            dependent = np.sort(pivots[:m]).astype(np.int64)
+        self.order[:] = [*dependent, *np.setdiff1d(np.arange(self.size), dependent)]
+        return dependent
+
+    def singular(self, t: float) -> SimulationFailed:
+        """Return the failure at a singular position."""
+        begin = f"the mechanism cannot go on at t = {t:.8g} s"
+        if self.of.drive.prescribes:
+            return LimitPosition(f"{begin}: the drive has come to a limit position")
+        return AdapterCannot(f"{begin}: its loops are singular")
+
+    def condition(self, t: float, y: FloatArray) -> float:
+        """Return the least singular value of rows by the largest."""
+        B, *_ = self.look(t, y[: self.size], y[self.size : 2 * self.size])
+        scaled = B * self.unit
+        values = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1)[:, None], compute_uv=False)
+        return float(values[-1] / values[0]) if len(B) else 1.0
+
+    @cached_property
+    def stops_s(self) -> FloatArray:
+        """The times after the start at which tables over time and ramps have kinks."""
+        law, clock = self.of.drive.law, self.of.drive.clock_s
+        tables: list[object] = [
+            each for load in self.of.loads for each in (load.force_by_time, load.torque_by_time)
+        ]
+        tables += [law.table] if isinstance(law, data.Course) else []
+        tables += [law.torque_N_m] if isinstance(law, data.Torque) else []
+        stops = [x for table in tables if isinstance(table, data.Table) for x in table.x]
+        stops += [law.duration_s] if isinstance(law, data.Ramp) else []
+        return np.unique(np.array(stops, float) - clock)
+
+    def _require_closed(self, q: FloatArray, v: FloatArray) -> None:
+        B, g, c, _ = self.look(0.0, q, v)
+        size_m, speed = max(1.0, self.lever_m), 1.0 + float(np.abs(v).max())
+        off = ("joints are open", "m", g, size_m), ("joints or driver are off", "m/s", B @ v - c, speed)
+        for what, unit, by, whole in off:
+            if not np.abs(by).max(initial=0.0) <= CLOSED * whole:
+                allowed = f"at t = 0 s, expected no more than {CLOSED * whole:.3g} {unit}"
+                raise ImpossibleStart(f"start: {what} by {np.abs(by).max():.3g} {unit} {allowed}")
+
+    def _joints(self, q: FloatArray) -> Iterator[list[float]]:
+        of = self.of
+        for pin in of.ideal:
+            yield [eq.PIN, pin.body_i, *pin.point_i, pin.body_j, *pin.point_j, 0.0, 0.0]
+        for guide in of.guides:
+            ends = [guide.body_i, *guide.point_i, guide.body_j, *guide.point_j]
+            yield [eq.ACROSS, *ends, guide.angle_rad, 0.0]
+            if not guide.turns:
+                turned = q[3 * guide.body_j + 2] - (q[3 * guide.body_i + 2] if guide.body_i >= 0 else 0.0)
+                yield [eq.PARALLEL, *ends, turned, 0.0]
+        if of.drive.prescribes and of.drive.guide is not None:
+            line = of.guides[of.drive.guide]
+            ends = [line.body_i, *line.point_i, line.body_j, *line.point_j]
+            begin, _ = way(line, q.reshape(1, -1, 3), np.zeros((1, len(of.bodies), 3)))
+            yield [eq.DRIVEN_WAY, *ends, line.angle_rad, float(begin[0])]
+        elif of.drive.prescribes:
+            body = of.drive.body
+            yield [eq.DRIVEN_ANGLE, *GROUND, body, 0.0, 0.0, q[3 * body + 2], 0.0]
+
+    def _motion(self) -> list[float]:
+        match self.of.drive.law:
+            case data.ConstantSpeed(speed):
+                return [eq.STEADY, speed, 0.0, 0.0, 0.0, NONE]
+            case data.Ramp(first, last, duration):
+                return [eq.RAMP, first, last - first, duration, 0.0, NONE]
+            case data.Fluctuation(mean, amplitude, frequency, phase):
+                return [eq.SINE, mean, amplitude, math.tau * frequency, phase, NONE]
+            case data.Course(table):
+                return [eq.TABLE, 0.0, 0.0, 0.0, 0.0, self._curve(table)]
+        return [NONE, 0.0, 0.0, 0.0, 0.0, NONE]
+
+    def _parts(self) -> Iterator[tuple[str, list[float]]]:
+        """Yield the parts of loads by name."""
+        for load in self.of.loads:
+            name, along = self.of.bodies[load.body].name, list[float]()
+            if (line := load.line) is not None:
+                ends = line.body_i, *line.point_i, line.body_j, *line.point_j
+                along = [eq.LINE, *ends, line.angle_rad]
+            turn = [eq.TURN, *GROUND, load.body, 0.0, 0.0, 0.0]
+            if load.force_N:
+                yield f"{name}.force", self._part(along, constant=load.force_N)
+            if load.viscous_N_s_m:
+                yield f"{name}.viscous", self._part(along, damper=load.viscous_N_s_m)
+            if load.spring_N_m:
+                spring = load.spring_N_m, load.free_position_m
+                yield f"{name}.spring", self._part(along, spring=spring)
+            if load.gas is not None:
+                yield f"{name}.gas", self._part(along, by_angle=load.gas.table, body=load.gas.body)
+            if load.force_by_time is not None:
+                yield f"{name}.by_time", self._part(along, by_time=load.force_by_time)
+            if load.torque_N_m:
+                yield f"{name}.torque", self._part(turn, constant=load.torque_N_m)
+            if load.viscous_N_m_s:
+                yield f"{name}.turning_viscous", self._part(turn, damper=load.viscous_N_m_s)
+            if load.torque_by_time is not None:
+                yield f"{name}.torque_by_time", self._part(turn, by_time=load.torque_by_time)
+        for s in self.of.springs:
+            ends = s.body_i, *s.point_i, s.body_j, *s.point_j
+            spring = s.stiffness_N_m, s.free_length_m
+            yield f"spring:{s.name}", self._part([eq.PULL, *ends, 0.0], damper=s.damping_N_s_m, spring=spring)
+        turn = [eq.TURN, *GROUND, self.of.drive.body, 0.0, 0.0, 0.0]
+        match self.of.drive.law:
+            case data.Torque(data.Table() as table):
+                yield "driver", self._part(turn, by_time=table)
+            case data.Torque(float() | int() as torque):
+                yield "driver", self._part(turn, constant=torque)
+            case data.Motor(table=data.Table() as table):
+                yield "driver", self._part(turn, by_rate=table)
+            case data.Motor(stall, speed):
+                yield "driver", self._part(turn, constant=stall, damper=stall / speed)
+
+    def _part(
+        self,
+        acts: list[float],
+        constant: float = 0.0,
+        damper: float = 0.0,
+        spring: tuple[float, float] = (0.0, 0.0),
+        by_angle: data.Table | None = None,
+        by_time: data.Table | None = None,
+        by_rate: data.Table | None = None,
+        body: int = -1,
+    ) -> list[float]:
+        curves = [self._curve(by_angle), self._curve(by_time), self._curve(by_rate, held=True)]
+        for table, coordinate in (
+            (by_angle, 3 * body + 2),
+            (by_rate, self.size + 3 * self.of.drive.body + 2),
+        ):
+            if table is not None:
+                begins = np.array([*table.x[:-1], table.x[0] + table.period if table.period else table.x[-1]])
+                self.kinks.append(Kinks(coordinate, begins, table.period))
+        return [*acts, constant, damper, *spring, *curves, body]
+
+    def _curve(self, table: data.Table | None, held: bool = False) -> float:
+        """Return the number of a table's curve, which holds its ends' values or goes on beyond them."""
+        if table is None:
+            return NONE
+        curve, first = curve_of(table), sum(map(len, self._pieces))
+        rows = np.zeros((len(curve.x) - 1, 5))
+        rows[:, 0], rows[:, 5 - len(curve.c) :] = curve.x[:-1], curve.c.T
+        self._pieces.append(rows)
+        self._curves.append([first, len(rows), table.period, table.x[-1], float(held)])
+        return float(len(self._curves) - 1)
+
+
+def _start_of(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
+    """Return q and v (3b,) at t = 0."""
+    parts = scene if isinstance(scene, GeneralParts) else scene.general if isinstance(scene, Scene) else None
+    assert parts is not None
+    try:
+        placed = placed_start(parts)
+    except ValueError as reason:
+        raise ImpossibleStart(str(reason)) from None
+    return state_of(parts) if placed is None else (np.array(placed.q), np.array(placed.v))
+
+
+def turns_of(angle: FloatArray) -> FloatArray:
+    """Return the whole turns by twos in angles (n,), 0 in those of up to two.
+
+    They would cost digits; a sine's own reduction is exact, and gas is the same after two turns.
+    """
+    within = np.arctan2(np.sin(angle), np.cos(angle))
+    count = np.round((angle - within) / math.tau)
+    kept = within + math.tau * np.mod(count, 2)
+    return np.where(np.abs(angle) <= 4 * math.pi, 0.0, angle - kept)
+
+
+def _ends(pin: data.Pin) -> list[float]:
+    """Return a joint's bearing and its pin: body and point of each."""
+    i, j = [pin.body_i, *pin.point_i], [pin.body_j, *pin.point_j]
+    return [*j, *i] if pin.bearing_on_j else [*i, *j]
+
+
+def _packed(blocks: list[object]) -> FloatArray:
+    """Return all numbers in one array, which begins with where each block is, and its rows and columns."""
+    arrays = [np.array(each, float) for each in blocks]
+    arrays = [array.reshape(len(array), -1) if array.size else np.zeros((0, 1)) for array in arrays]
+    head, at = list[float](), 3 * len(arrays)
+    for array in arrays:
+        head += [at, *array.shape]
+        at += array.size
+    return np.concatenate([np.array(head, float), *(array.ravel() for array in arrays)])

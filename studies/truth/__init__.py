@@ -1,1 +1,0 @@
-"""The independent truth of any planar mechanism; read ``tree``, then ``equations``, then ``motion``."""
