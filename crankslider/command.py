@@ -35,8 +35,8 @@ app = Typer(
     help="Simulate planar mechanisms with the reference solver, Exudyn, Pymunk and SciPy; compare them.",
 )
 INTERRUPTED = 130
-#: Time between lines on the progress of a simulation where there is no terminal, in s.
-LINE_S = 30.0
+#: Time between lines on the progress of a simulation, in s.
+LINE_S = 10.0
 #: Whose functions no interrupt may leave: LLVM calls them, and goes on with half a result. It comes again.
 UNBREAKABLE, AGAIN_S = "llvmlite.", 0.01
 
@@ -506,8 +506,13 @@ def report(
     quiet: Quiet = False,
 ) -> None:
     """Write the HTML page, its figures as SVG and its tables as CSV from results, and print the answer."""
-    from reports.page import compare_claims, read_claims, require_replaceable, write_report
-    from reports.parts import Contradiction
+    from reports.page import (
+        Contradiction,
+        compare_claims,
+        read_claims,
+        require_replaceable,
+        write_report,
+    )
     from studies.whole_file import require_folder, whole_folder
 
     try:
@@ -566,31 +571,19 @@ def _assigned(option: str, form: str, assignments: Sequence[str] | None) -> dict
 
 @contextmanager
 def _progress(end_time_s: float) -> Iterator[None]:
-    """Show how far each simulation of the block is: by a bar on a terminal, else by a line now and then."""
+    """Say now and then how far the simulations of the block have come, each to its end."""
     from engine_models.progress import told_to
 
-    if not log.isEnabledFor(logging.INFO):
+    began = last = time.monotonic()
+
+    def tell(time_s: float) -> None:
+        nonlocal last
+        if time.monotonic() > last + LINE_S:
+            last = time.monotonic()
+            log.info(f"t = {time_s:.6g} s of {end_time_s:g} s after {last - began:.0f} s")
+
+    with told_to(tell):
         yield
-    elif sys.stderr.isatty():
-        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
-        text = TextColumn("t = {task.completed:.3g} s of {task.total:g} s")
-        columns = text, BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
-        with Progress(*columns, console=progress_console(), transient=True) as progress:
-            bar = progress.add_task("", total=end_time_s)
-            with told_to(lambda time_s: progress.update(bar, completed=time_s)):
-                yield
-    else:
-        began = last = time.monotonic()
-
-        def tell(time_s: float) -> None:
-            nonlocal last
-            if time.monotonic() > last + LINE_S:
-                last = time.monotonic()
-                log.info(f"t = {time_s:.6g} s of {end_time_s:g} s after {last - began:.0f} s")
-
-        with told_to(tell):
-            yield
 
 
 class _Lines(logging.Formatter):

@@ -1,6 +1,5 @@
 """Engines compared on one scene of the user's: the runs that a folder lacks, and the recommendation."""
 
-import os
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +28,7 @@ def compare_engines(
     given: str,
     engines: Collection[str],
     folder: Path,
+    pool: Pool,
     error: float | None = None,
     signal: str | None = None,
 ) -> Comparison:
@@ -42,7 +42,7 @@ def compare_engines(
     """
     with writing("out", folder):
         require_folder(folder)
-    with Pool(os.cpu_count() or 1) as pool, Store(folder) as store, store.held():
+    with Store(folder) as store, store.held():
         wanted = {case.key: case for case in cases(scene, _question(scene, error, signal, pool), engines)}
         store.describe(NAME, provenance(False, wanted.values()))
         run_cases({NAME: [*wanted.values()]}, store, pool)

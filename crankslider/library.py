@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import mkdtemp
@@ -247,7 +248,8 @@ def compare(
     physics = read_scene(scene)
     place = comparison_folder(physics) if out is None else Path(out)
     given = given or str(getattr(scene, "name", scene))
-    return compare_engines(physics, given, engines, place, error, signal)
+    with _workers() as pool:
+        return compare_engines(physics, given, engines, place, pool, error, signal)
 
 
 def comparison_folder(scene: AnyScene) -> Path:
@@ -427,12 +429,16 @@ def compare_baselines(
     return compare_or_accept(engines or NAMED, folder or FOLDER, why)
 
 
-def _workers(jobs: int | None, scheduler: str | None) -> Any:
-    """Return a context with the workers that run cases: processes here, or a cluster."""
-    if scheduler is not None:
-        from studies.cluster import Cluster
-
-        return Cluster(scheduler)
+@contextmanager
+def _workers(jobs: int | None = None, scheduler: str | None = None) -> Iterator[Any]:
+    """Give workers that run cases: processes here, or a cluster; machine code is kept for them."""
+    from engine_models.kernels import FolderRefused, writable_folder
+    from studies.cluster import Cluster
     from studies.workers import Pool
 
-    return Pool(jobs or os.cpu_count() or 1)
+    try:
+        workers = Cluster(scheduler) if scheduler is not None else Pool(jobs or os.cpu_count() or 1)
+        with writable_folder(), workers:
+            yield workers
+    except FolderRefused as reason:
+        raise BadInput(str(reason)) from None

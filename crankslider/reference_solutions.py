@@ -20,10 +20,10 @@ from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
-from studies import clearance
 from studies.failures import Failed
 from studies.judges.converged_truth import INDEPENDENT, TRUE, converged, followed, solved, truth_by
 from studies.judges.metrics import COVERAGE
+from studies.settings import END_S
 
 #: Samples that are published, and digits: two more than the most accurate slider position has.
 SAMPLES, DIGITS = 120, "%.14g"
@@ -78,7 +78,7 @@ def write_reference_solutions(folder: Path, names: Iterable[str] = SCENES) -> No
     rows = []
     for name in names:
         scene = SCENES[name]()
-        scene = scene.replace("end_time_s", clearance.END_S.get(name, scene.end_time_s))
+        scene = scene.replace("end_time_s", END_S.get(name, scene.end_time_s))
         run = reference_solution(scene, SAMPLES)
         run.frame.to_csv(folder / f"{name}.csv.xz", float_format=DIGITS)
         if run.trajectory.contacts:

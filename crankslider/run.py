@@ -397,12 +397,10 @@ class Comparison:
 
     def table(self) -> "pd.DataFrame":
         """Return a line for each engine, as on the page."""
-        import pandas as pd
 
         from reports.comparison.standing import standings_table
 
-        content = standings_table(self.standings)
-        return pd.DataFrame([*content.rows], columns=[*content.head])
+        return standings_table(self.standings).cells()
 
     @check_arguments
     def save(self, folder: Place) -> None:

@@ -21,31 +21,28 @@ from typing import Any
 
 import pandas as pd
 
-from reports.chapters.answer import LIMITS
 from reports.page import FINDINGS, Report, write_report
-from reports.parts import Table
 from reports.results import ENDING, FACTS, head_of
-from reports.tables import markdown
 from studies.registry import STUDIES
 from studies.store import Store
 
 #: Columns of times, and those that say no more than the file and the row itself.
-TIMES = ("solve_time_s", "build_time_s", "compile_time_s")
+TIMES = ("solve_time_s", "build_time_s")
 LEFT_OUT = ("case", "study")
 #: Significant digits of a measured number, of a time and of an uncertainty; and of an error so many as are
 #: above a tenth of its uncertainty, but some.
 DIGITS, TIME_DIGITS, DOUBT_DIGITS, FEWEST = 6, 4, 3, 2
-#: The tables that are shown and the column that is not, the figures, and what encloses them in the text.
-SHOWN, COMMAND = ("answer", "compared-ideal-joints", "compared-clearance"), "command"
+#: The column of the tables of the first screen that is left out, and the figures that are shown.
+COMMAND = "command"
 FIGURES = (
     "answer",
-    "agreement-steps",
+    "accuracy-steps",
     "clearance-steps",
-    "energy-error-by-step",
-    "stability-map-contact-stiffness",
-    "motions-mechanism",
+    "energy-steps",
+    "stability-map",
+    "mechanism",
 )
-#: The project's README, the finding that it tells, and the width of its lines.
+#: The project's README, the claim that it tells, the width of its lines, and what encloses the text.
 README, COSTS, README_WIDTH = Path(__file__).parents[1] / "README.md", "within", 120
 BEGIN, END = "<!-- The answer, as `make publish` writes it. -->", "<!-- End of the answer. -->"
 
@@ -67,8 +64,8 @@ def publish(folder: Path, results: Path) -> None:
         shutil.copy(page / FINDINGS, folder)
         _renew(folder / "tables", sorted((page / "tables").glob("*.csv")))
         _renew(folder / "figures", [page / f"figures/{name}.svg" for name in FIGURES])
-        tell(folder / "README.md", answer_of(report, folder / "tables"))
-        tell(README, costs_of(report))
+    tell(folder / "README.md", answer_of(report))
+    tell(README, costs_of(report))
 
 
 def write_study(store: Store, study: str, folder: Path) -> dict[str, Any]:
@@ -116,24 +113,18 @@ def _renew(folder: Path, files: Iterable[Path]) -> None:
         shutil.copy(file, folder)
 
 
-def answer_of(report: Report, tables: Path) -> str:
+def answer_of(report: Report) -> str:
     """Return the answer in Markdown: its tables without commands, the limits of what it says, and figures."""
-    shown = [
-        pd.read_csv(tables / f"{name}.csv", dtype=str).drop(columns=COMMAND, errors="ignore")
-        for name in SHOWN
-    ]
-    texts = [
-        markdown(Table("", "", "", "", tuple(each), tuple(map(tuple, each.to_numpy())))) for each in shown
-    ]
-    limits = "\n".join(f"* {finding}" for finding in report.answer if finding.name in LIMITS)
-    titles = {figure.name: figure.title for figure in report.figures}
+    answer, titles = report.made[0], {of.name: of.title for part in report.made for of in part.figures}
+    tables = [table.markdown(COMMAND) for table in answer.shown]
+    limits = "\n".join(f"* {claim}" for claim in answer.claims if claim.name != COSTS)
     figures = "\n".join(f"{titles[name]}\n\n![{titles[name]}](figures/{name}.svg)\n" for name in FIGURES)
-    return "\n".join([*texts, limits, "", figures])
+    return "\n".join([*tables, limits, "", figures])
 
 
 def costs_of(report: Report) -> str:
     """Return the sentence of README that says what each engine costs."""
-    (sentence,) = (finding for finding in report.answer if finding.name == COSTS)
+    (sentence,) = (str(claim) for claim in report.made[0].claims if claim.name == COSTS)
     return textwrap.fill(sentence, README_WIDTH, break_long_words=False, break_on_hyphens=False) + "\n"
 
 

@@ -1,10 +1,11 @@
-"""Rows of studies as data frames: those of a results folder (see ``studies.store``), and published ones.
+"""Rows of studies as data frames, those of a results folder (see ``studies.store``) and published ones.
 
 What is published (see ``reports.publication``) is a compressed CSV file a study, and one file of where they
 come from; it has no curves.
 """
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -17,13 +18,20 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from engine_models.scene.plain_words import BadInput
-from reports.style import in_legend_order, legend_place
+from reports.look import in_legend_order, legend_place
 from studies.store import FILE, Store
 
 FloatArray = NDArray[np.float64]
 
 #: How the file of a study's published rows ends, and the one that says where all come from.
 ENDING, FACTS = ".csv.xz", "facts.json"
+#: The error of the slider's position, the largest of the force in any joint, and the largest error of an
+#: impact's peak force in percent of that peak: one that is missed counts as 100.
+SLIDER, FORCE, PEAK = "slider_position_error_m", "largest_joint_force_error_N", "peak_force_error_percent"
+#: The column of why the check after every run fails one that finished; empty where it does not.
+QUALITY = "quality_failure"
+#: The classes of scenes, by their joints.
+IDEAL, LOOSE, RIGID = CLASSES = ("ideal joints", "clearance", "rigid contact")
 
 
 class NoResults(BadInput):
@@ -65,6 +73,10 @@ class Results:
         there, asked = len(self.rows), self.facts.get("cases", 0)
         what = f"{there} of {asked} cases are there; `crankslider run` goes on"
         return what if there < asked else None
+
+
+#: The results of the studies at hand, by the names of the studies.
+Studies = Mapping[str, Results]
 
 
 def read_study(folder: Path, study: str) -> Results:
@@ -131,11 +143,6 @@ def frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(columns)  # in one piece, which is quicker to select from
 
 
-def with_columns(rows: pd.DataFrame, *names: str) -> pd.DataFrame:
-    """Return the rows with these columns, NaN throughout where no row has one."""
-    return rows.reindex(columns=[*rows, *(name for name in names if name not in rows)])
-
-
 def _place(row: Mapping[str, Any]) -> tuple[Any, ...]:
     place = row["scene"], legend_place(row["engine"], row["arm"]), -row["step_s"]
     return *place, json.dumps(head_of(row), sort_keys=True)
@@ -143,3 +150,112 @@ def _place(row: Mapping[str, Any]) -> tuple[Any, ...]:
 
 def _may_be_number(value: object) -> bool:
     return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+
+
+def with_columns(rows: pd.DataFrame, *names: str) -> pd.DataFrame:
+    """Return the rows with these columns, NaN throughout where no row has one."""
+    return rows.reindex(columns=[*rows, *(name for name in names if name not in rows)])
+
+
+# What is compared
+
+
+def finished(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of runs that the engine finished."""
+    return rows[rows["status"] == "ok"]
+
+
+def value(rows: pd.DataFrame, column: str) -> pd.Series:
+    """Return a column, NaN where the run failed or the scene has no such thing."""
+    return _numbers(rows, column).where(rows["status"] == "ok")
+
+
+def uncertainty(rows: pd.DataFrame, column: str) -> pd.Series:
+    """Return the reference solution's uncertainty of a column of errors, NaN where there is none."""
+    return _numbers(rows, column.replace("_error_", "_uncertainty_") if "_error_" in column else "")
+
+
+def scale(rows: pd.DataFrame, column: str) -> pd.Series:
+    """Return how far the signal of a column of errors is from its mean at most, NaN where nobody tells."""
+    return _numbers(rows, column.replace("_error_", "_scale_") if "_error_" in column else "")
+
+
+def floor(rows: pd.DataFrame, column: str) -> float:
+    """Return the reference solution's largest uncertainty of a column, 0 where there is none."""
+    largest = uncertainty(rows, column).max()
+    return 0.0 if math.isnan(largest) else float(largest)
+
+
+def quality_failures(rows: pd.DataFrame) -> pd.Series:
+    """Return why the check after every run fails each run, empty where it does not or was not made."""
+    found = with_columns(rows, QUALITY)[QUALITY].astype(object)
+    return found.where(found.notna(), "")
+
+
+def tolerances(rows: pd.DataFrame) -> pd.Series:
+    """Return the tolerance of a step that each run was set to, NaN where it had none."""
+    rows = with_columns(rows, "setting_rtol", "setting_step_tolerance")
+    return rows["setting_rtol"].astype(float).fillna(rows["setting_step_tolerance"].astype(float))
+
+
+def knobs(rows: pd.DataFrame) -> pd.Series:
+    """Return what resolves each run: its tolerance of a step by that setting's name, or else ``step``."""
+    of_scipy = with_columns(rows, "setting_rtol")["setting_rtol"].notna()
+    names = of_scipy.map({True: "rtol", False: "step_tolerance"})
+    return names.where(tolerances(rows).notna(), "step")
+
+
+def signal_errors(rows: pd.DataFrame) -> list[str]:
+    """Return the columns of errors of the signals that any of the rows has, in their order."""
+    others = ("setting_", "largest_", "impact_", "peak_")
+    errors = [name for name in rows if "_error_" in name and not name.startswith(others)]
+    return [name for name in errors if rows[name].notna().any()]
+
+
+def motion_error(rows: pd.DataFrame) -> str:
+    """Return the column of errors of the motion: the slider's, without a slider that of the first body."""
+    found = [
+        name
+        for name in signal_errors(rows)
+        if name.endswith(("_m", "_rad")) and not name.startswith("clearance_")
+    ]
+    return SLIDER if SLIDER in found or not found else found[0]
+
+
+def with_largest(rows: pd.DataFrame, name: str, pattern: str) -> pd.DataFrame:
+    """Return the rows with a column ``name``: the largest of the signal errors whose columns match a pattern.
+
+    Its uncertainty is the largest of theirs, and so is its scale.
+    """
+    words = ("_error_", "_uncertainty_", "_scale_")
+    columns = {name.replace("_error_", word): pattern.replace("_error_", word) for word in words}
+    return rows.assign(**{new: rows.filter(regex=f"^{of}$").max(axis=1) for new, of in columns.items()})
+
+
+def with_forces(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with ``FORCE``, and ``PEAK`` with its uncertainty, NaN where no impact has a force."""
+    doubt = PEAK.replace("error", "uncertainty")
+    percent = {PEAK: "impact_force_relative_error", doubt: "impact_force_relative_uncertainty"}
+    rows = rows.assign(**{name: 100 * _numbers(rows, part) for name, part in percent.items()})
+    return with_largest(rows, FORCE, r"joint_[\w.-]+_force_error_N")
+
+
+def classes(rows: pd.DataFrame) -> "pd.Series[str]":
+    """Return the class of each row's scene, by the columns of any run on it.
+
+    Rows need ``PEAK``: rigid contact is impacts without a peak force.
+    """
+    loose = rows.filter(regex="^clearance_").notna().any(axis=1).groupby(rows["scene"]).transform("any")
+    peaks = value(rows, PEAK).notna().groupby(rows["scene"]).transform("any")
+    return pd.Series(np.select([loose & peaks, loose], [LOOSE, RIGID], IDEAL), rows.index)
+
+
+def accuracy(studies: Studies, *kinds: str) -> pd.DataFrame:
+    """Return the recorded runs on scenes of some classes, or all, without those of one impact."""
+    rows = with_forces(with_columns(studies["accuracy"].rows, "view").query("view.isna()"))
+    rows = rows.assign(joints=classes(rows))
+    return rows[rows["joints"].isin(kinds or CLASSES)]
+
+
+def _numbers(rows: pd.DataFrame, column: str) -> pd.Series:
+    return rows[column] if column in rows else pd.Series(math.nan, rows.index)

@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from engine_models.arms import Arm, Setting
+from engine_models.arms import MEANINGS, Arm, Setting
 from engine_models.engine import FloatArray, ProcessTaken, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import engine_module
 from engine_models.scene.parts import AnyScene
@@ -199,6 +199,7 @@ def provenance(full: bool, cases: Iterable[Case]) -> dict[str, Any]:
     return {
         "set": "full" if full else "quick",
         "cases": len(cases),
+        "configurations": {case.arm.label: MEANINGS.get(case.arm.label, "") for case in cases},
         "engines": {engine: code_of(engine) for engine in dict.fromkeys(case.engine for case in cases)},
         "code": project_code(),
         "commit": _commit(),

@@ -13,13 +13,12 @@ from engine_models.engine import RunSettings, Trajectory, UnsupportedScene
 from engine_models.mechanics.states import lever_m
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import unknown
-from studies import agreement, clearance
+from studies import accuracy, cost
 from studies.case import Case, Curves, Row, Value
 from studies.failures import BadInput
 from studies.judges.converged_truth import GRID, converged, followed
 from studies.judges.metrics import signals, with_suffix
-from studies.ladders import Rung, configurations, ladder
-from studies.work_precision import study as work_precision
+from studies.settings import Rung, configurations, ladder
 
 NAME = "comparison"
 #: A hundredth of the clearance is a line's width in a picture of the pin's path, a millionth of a crank, or
@@ -125,6 +124,4 @@ def _case(scene: AnyScene, question: Question, rung: Rung, samples: int, **timed
 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Return a recorded run's errors and what needs no truth, with curves; or the times of a bare one."""
-    if case.timed:
-        return work_precision.times(case, SAMPLES), {}
-    return clearance.measure(case) if case.scene.joints_with_clearance else agreement.measure(case)
+    return (cost.times(case, SAMPLES), {}) if case.timed else accuracy.measure(case)

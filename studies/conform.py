@@ -20,8 +20,8 @@ from engine_models.scene.library import SCENES
 from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
-from reports.analysis.convergence import observed_order
 from studies.judges.converged_truth import converged, solved
+from studies.judges.convergence import observed_order
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
 from studies.judges.metrics import constraint_violation_m
 

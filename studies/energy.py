@@ -1,4 +1,8 @@
-"""Energy: what every engine makes or loses over long runs, where it goes, and how constraints drift."""
+"""Energy: what every engine makes or loses over long runs, where it goes, and how constraints drift.
+
+The quick set leaves out what SciPy with contacts takes longest for, Pymunk as it comes, and stabilisations
+that need a kernel of their own.
+"""
 
 import math
 from dataclasses import dataclass
@@ -21,7 +25,7 @@ from studies.judges.metrics import (
     energy_balance_residual_J,
     numerical_gain_J,
 )
-from studies.ladders import speeds_rad_s
+from studies.settings import speeds_rad_s
 
 
 @dataclass(frozen=True)
@@ -70,31 +74,35 @@ LONG = (
 #: Methods that choose their steps have a tolerance on each rung in place of the step.
 TOLERANCES, CLEARANCE_TOLERANCES = (1e-6, 1e-8, 1e-10), (1e-5, 1e-7, 1e-9)
 RIGID_ARMS = (
-    arms.DOPRI5,  # of an engine without rigid contact one arm tells that it has none
-    arms.PROJECTION,
+    arms.DOPRI5,  # of an engine without rigid contact one configuration tells that it has none
+    arms.LOCATED,
     arms.REFERENCE_DOP853,
-    arms.TUNED,
+    arms.NATIVE_CONTACT,
     arms.OUT_OF_THE_BOX,
 )
-#: With clearance Baumgarte is left out: it is the same between events, and every arm costs a kernel.
+#: With clearance Baumgarte is left out: it is the same between events, and needs a kernel of its own.
 CLEARANCE_ARMS = (
-    *RIGID_ARMS,
+    arms.DOPRI5,
+    arms.LOCATED,
+    arms.LOCATED_ALONE,
+    arms.REFERENCE_DOP853,
+    arms.SHORTER_IN_CONTACT,
+    arms.OUT_OF_THE_BOX,
     arms.SCIPY_DOP853,
-    arms.NO_STABILISATION,
     arms.TRAPEZOIDAL,
     arms.GENERALIZED_ALPHA,
 )
-IDEAL_ARMS = (*(arm for arm in CLEARANCE_ARMS if arm is not arms.DOPRI5), arms.BAUMGARTE)
-#: Runs of hundreds of turns with contact, of the full set: scenes, turns and arms.
-CHEAP_ARMS = (arms.PROJECTION, arms.REFERENCE_DOP853, arms.DOPRI5)
-LASTING_ARMS = (*CHEAP_ARMS, arms.TUNED, arms.SCIPY_DOP853)
-LASTING = (
-    ("clearance-driven-damped", 100, CHEAP_ARMS),
-    ("clearance-driven-damped", 300, LASTING_ARMS),
-    ("clearance-driven-0.5mm", 300, LASTING_ARMS),
+IDEAL_ARMS = (
+    arms.PROJECTION,
+    arms.NO_STABILISATION,
+    arms.BAUMGARTE,
+    arms.REFERENCE_DOP853,
+    arms.TUNED,
+    arms.OUT_OF_THE_BOX,
+    arms.ODE,
+    arms.TRAPEZOIDAL,
+    arms.GENERALIZED_ALPHA,
 )
-#: Their tolerance and steps in a turn, and their samples in one.
-LASTING_TOLERANCE, LASTING_STEPS, LASTING_SAMPLES = 1e-5, 1200, 10
 #: Samples of a curve that are kept.
 KEPT = 240
 #: Round-off of a constraint in places of the largest coordinate or speed, below which no growth is told: so
@@ -103,54 +111,28 @@ PLACES, PLACES_PER_RAD = 1000, 2
 
 
 def cases(full: bool) -> list[Case]:
-    """Return every engine and arm on scenes at a ladder of steps.
-
-    The full set adds scenes, finer and long runs, hundreds of turns of those who can, and configurations.
-    """
+    """Return every configuration on scenes at a series of steps; the full set adds scenes and long runs."""
     lengths = SHORT + LONG if full else tuple(length for length in SHORT if length.scene in QUICK)
-    every = [case for length in lengths for case in _ladder(_scene(length), length)]
-    if full:
-        return every + [case for lasting in LASTING for case in _lasting(*lasting)]
-    return [case for case in every if _is_quick(case)]
+    every = [case for length in lengths for case in _series(length)]
+    return every if full else [case for case in every if _is_quick(case)]
 
 
 def _is_quick(case: Case) -> bool:
-    """Return whether the quick set has a case on its scenes.
-
-    It leaves out what SciPy with contacts takes longest for, Pymunk as it comes, and stabilisations that need
-    a kernel of their own.
-    """
     loose = bool(case.scene.joints_with_clearance)
-    left_out = (arms.OUT_OF_THE_BOX, arms.BAUMGARTE, *((arms.NO_STABILISATION,) if loose else ()))
+    left_out = (arms.OUT_OF_THE_BOX, arms.BAUMGARTE, arms.LOCATED_ALONE)
     settings = 1 if loose and case.engine == "scipy" else QUICK_SETTINGS
     return case.arm not in left_out and int(str(case.columns["rung"])) < settings
 
 
-def _scene(length: Length) -> AnyScene:
+def _series(length: Length) -> list[Case]:
     changes = {"end_time_s": length.end_s, "name": length.name or length.scene}
-    return SCENES[length.scene]().model_copy(update=changes)
-
-
-def _ladder(scene: AnyScene, length: Length) -> list[Case]:
-    out = []
+    scene, out = SCENES[length.scene]().model_copy(update=changes), []
     tolerances = CLEARANCE_TOLERANCES if scene.joints_with_clearance else TOLERANCES
     for arm in (*_arms(scene), *arms.newcomers()):
         for rung, count in enumerate(length.steps_per_sample):
             step = scene.end_time_s / (1 if arm.tolerances else length.intervals * count)
             run, added = RunSettings(step, length.intervals), dict.fromkeys(arm.tolerances, tolerances[rung])
             out.append(Case("energy", scene, arm, run, added, columns={"rung": rung}))
-    return out
-
-
-def _lasting(name: str, turns: int, of: tuple[Arm, ...]) -> list[Case]:
-    changes = {"end_time_s": turns * TURN_S, "name": f"{name}-{turns}-turns"}
-    scene, out = SCENES[name]().model_copy(update=changes), []
-    for arm in (*of, *arms.newcomers()):
-        run = RunSettings(
-            scene.end_time_s if arm.tolerances else TURN_S / LASTING_STEPS, turns * LASTING_SAMPLES
-        )
-        added = dict.fromkeys(arm.tolerances, LASTING_TOLERANCE)
-        out.append(Case("energy", scene, arm, run, added, columns={"rung": 0}))
     return out
 
 
@@ -179,6 +161,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     curves |= {"numerical_gain_so_far_J": so_far(gain), "time_s": run.time_s}
     if run.contacts:  # without, none of them says where energy goes
         curves |= lines
+        row["compliant_contact"] = any(room.law != "rigid" for room in scene.clearances.values())
     return {**row, **drift}, {name: thinned(curve, KEPT) for name, curve in curves.items()}
 
 

@@ -20,7 +20,7 @@ from studies.case import Case, Curves, Row, Value
 from studies.judges import horizon
 from studies.judges.kinds import turns_steadily
 from studies.judges.metrics import checked
-from studies.ladders import Rung
+from studies.settings import Rung
 from studies.sweep import summary
 
 NAME, HORIZON = "predictability", "horizon"

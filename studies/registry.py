@@ -3,14 +3,8 @@
 #: On a machine without kernels the first case compiles those of the reference solution; of the second study
 #: none asks for it, so that no other process waits (see ``runner``).
 STUDIES = {
-    "agreement": "studies.agreement",
-    "energy": "studies.energy",
-    "clearance": "studies.clearance",
-    "predictability": "studies.predictability",
-    "work-precision": "studies.work_precision.study",
-    "stability": "studies.stability",
-    "extremes": "studies.extremes",
-    "motions": "studies.motions",
+    name: f"studies.{name}"
+    for name in ("accuracy", "energy", "predictability", "cost", "stability", "extremes")
 }
 #: Studies of one scene of the user's, which commands of their own run.
 OF_ONE_SCENE = {"comparison": "studies.compare", "sweep": "studies.sweep"}

@@ -12,18 +12,14 @@ from matplotlib.figure import Figure as Drawing
 
 from reports.comparison.sentences import sentences
 from reports.comparison.standing import NAME, Standings, standings_table
-from reports.page.figures import as_svg
-from reports.parts import Figure, Table
-from reports.plots import panels
-from reports.plots.panels import Line, Panel
-from reports.results import Results
+from reports.lines import MOST_LINES, Line, Panel, as_svg, draw, shown_labels, so_far
+from reports.look import RC, axis_label, line_styles, setting, words
+from reports.page import Figure, Table
+from reports.results import Results, with_columns
 from reports.run.command import command
-from reports.shared_tables import followed, runs_tables, settings_table
-from reports.style import RC, axis_label, line_styles, words
-from reports.tables import setting
 
 #: Where the page's template is, and the style that it shares with the report.
-FOLDERS = (Path(__file__).parent, Path(__file__).parents[1] / "page")
+FOLDERS = (Path(__file__).parent, Path(__file__).parents[1])
 #: The style of each configuration's line, by its label.
 Styles = Mapping[str, Mapping[str, Any]]
 #: Markers on a curve over time.
@@ -54,7 +50,7 @@ def page(results: Results, pictures: Mapping[str, Drawing], scene: str, given: s
         sentences=[*sentences(standings, given)],
         tables=[standings_table(standings), _commands(standings, given)],
         figures=[(figure, as_svg(figure.drawing).partition("<svg")[2]) for figure in figures],
-        runs=[settings_table(standings.recorded, NAME), *runs_tables(standings.recorded, NAME)],
+        runs=[_runs(standings)],
         scene=scene,
     )
 
@@ -63,8 +59,23 @@ def _commands(standings: Standings, given: str) -> Table:
     """Return the command of the run that each engine is shown with."""
     runs = standings.runs
     commands = [command(standings.rows.loc[run.row], given) for run in runs]
-    columns = {"configuration": [run.label for run in runs], "command": commands}
-    return Table.of(f"{NAME}-commands", "Commands of these runs", "", NAME, columns)
+    columns = pd.DataFrame({"configuration": [run.label for run in runs], "command": commands})
+    return Table(f"{NAME}-commands", "Commands of these runs", "", NAME, columns)
+
+
+def _runs(standings: Standings) -> Table:
+    """Return every recorded run: its setting, error, and how it ended."""
+    rows = with_columns(standings.recorded, "quality_failure")
+    table = pd.DataFrame(
+        {
+            "configuration": rows["label"].astype(str),
+            "setting": list(map(setting, rows["knob"], rows["value"])),
+            axis_label(standings.column): rows[standings.column],
+            "status": rows["status"],
+            "reason": rows["reason"].where(rows["reason"] != "", rows["quality_failure"].fillna("")),
+        }
+    )
+    return Table(f"{NAME}-all", "All runs", "", NAME, table)
 
 
 def _figures(results: Results, standings: Standings) -> Iterator[Figure]:
@@ -73,22 +84,22 @@ def _figures(results: Results, standings: Standings) -> Iterator[Figure]:
     if not runs:
         return
     what, _ = words(standings.column)
-    labels = dict.fromkeys([*(run.label for run in runs), *panels.shown_labels(ran)])
-    styles = line_styles(ran[ran["label"].isin([*labels][: panels.MOST_LINES])])
+    labels = dict.fromkeys([*(run.label for run in runs), *shown_labels(ran)])
+    styles = line_styles(ran[ran["label"].isin([*labels][:MOST_LINES])])
     reading = (
         "Dashed: the error asked for; ringed: the recommended setting; grey: the reference solution's "
-        f"uncertainty. {followed(rows)}"
+        "uncertainty."
     )
     if rows.columns.str.contains("_model_difference_").any():
         reading += " Where an engine solves another contact law, the distance of the two laws is added."
     question = f"Which setting reaches the {what} asked for in the least time?"
-    drawing = panels.draw([_against_time(standings, styles)], height_in=3.4)
+    drawing = draw([_against_time(standings, styles)], height_in=3.4)
     yield Figure(f"{NAME}-time", question, reading, NAME, drawing)
     if results.has_curves:
         question = f"How does the {what} grow over time?"
         reading = "The largest so far, of each engine's run in the table, against its own model's solution."
         curves = rows.loc[[run.row for run in runs if run.label in styles]]
-        drawing = panels.draw([_over_time(results, curves, standings.column, styles)], height_in=3.4)
+        drawing = draw([_over_time(results, curves, standings.column, styles)], height_in=3.4)
         yield Figure(f"{NAME}-over-time", question, reading, NAME, drawing)
 
 
@@ -117,7 +128,7 @@ def _over_time(results: Results, rows: pd.DataFrame, column: str, styles: Styles
     """Return the largest error so far of each row's run over time."""
     lines = []
     for case, label in zip(rows["case"], rows["label"], strict=True):
-        size = panels.so_far(results.curve(case, column))
+        size = so_far(results.curve(case, column))
         times = results.curve(case, "time_s")[: len(size)]
         style = {**styles[label], "markevery": max(1, len(size) // MARKERS)}
         lines.append(Line(label, times, np.where(size > 0, size, np.nan), style))

@@ -1,22 +1,24 @@
 """The recommendation of a comparison in sentences: what to use, its error and run time, and its limits."""
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
 import pandas as pd
 
-from reports.analysis.equal_error import Choice, ratio
 from reports.comparison.standing import IMPACTS, Standings
-from reports.parts import quantity
-from reports.quantities import FORCE, PEAK, finished, quality_failures
+from reports.equal_error import Choice, ratio
+from reports.look import plain, quantity, setting, words
+from reports.results import FORCE, PEAK, finished, quality_failures
 from reports.run.command import command
-from reports.shared_tables import NOT_JUDGED, SHORT_OF, unjudged
-from reports.style import words
-from reports.tables import plain, setting
 
 #: The part of the energy in play from which on unaccounted energy is reported; any run has less.
 REPORTED_ENERGY = 1e-6
+#: The column of signals that are not judged, with why: "joint_B_force_N: zero; ...".
+NOT_JUDGED = "not_judged"
+#: A comparison ends before its scene if it is short of this part of it.
+SHORT_OF = 0.999
 #: The names of joint forces among the signals that are not compared.
 JOINT_FORCES = r"^joint_[\w.-]+_force_N$"
 
@@ -94,12 +96,18 @@ def _next_best(standings: Standings, chosen: Choice) -> Iterator[str]:
 
 
 def _slower(standings: Standings, other: Choice) -> str:
-    run, share = standings.run_at(other), ratio(other, standings.reached[0])
+    share = ratio(other, standings.reached[0])
     if share.decided:
         slower = f"{plain(share.times)}x slower at equal error"
     else:
         slower = f"{plain(share.times)}x the time at equal error, not resolved by the timing"
-    return f"{run.label} at {run.setting}, {slower}"
+    return f"{other.label} at {other.setting}, {slower}"
+
+
+def unjudged(text: object, signals: str = "") -> list[tuple[str, str]]:
+    """Return each signal that matches and is not judged, in words, and why, from a row's ``NOT_JUDGED``."""
+    parts = (part.partition(": ") for part in (text.split("; ") if isinstance(text, str) else ()) if part)
+    return [(words(name)[0], why) for name, _, why in parts if re.search(signals, name)]
 
 
 def _other_errors(row: "pd.Series[Any]") -> Iterator[str]:

@@ -6,21 +6,29 @@ from typing import Any
 
 import pandas as pd
 
-from reports.analysis.equal_error import (
+from reports.equal_error import (
     ALONE,
     UNRESOLVED,
     Choice,
     choice_at,
-    choices,
     from_coarse_to_fine,
     ratio,
+    reaching,
     settings,
 )
-from reports.parts import Table
-from reports.quantities import FORCE, PEAK, finished, floor, quality_failures, uncertainty, value, with_forces
-from reports.results import with_columns
-from reports.style import axis_label, words
-from reports.tables import ABSENT, error, number
+from reports.look import axis_label, number, words
+from reports.page import UNCERTAIN, Table
+from reports.results import (
+    FORCE,
+    PEAK,
+    finished,
+    floor,
+    quality_failures,
+    uncertainty,
+    value,
+    with_columns,
+    with_forces,
+)
 
 #: The study's name, which begins the names of figures and tables.
 NAME = "comparison"
@@ -29,7 +37,6 @@ IMPACTS = ("impacts_matched", "impacts_missed", "impacts_unmatched")
 #: Columns that not every scene and every engine has.
 OPTIONAL = (
     "round",
-    "compiled_anew",
     "compared_until_s",
     "solve_time_s",
     "build_time_s",
@@ -79,31 +86,25 @@ class Standings:
 
     @cached_property
     def reached(self) -> list[Choice]:
-        """How each engine that reaches the level does so in the least time, the fastest first."""
-        return choices(self.settings, self.level)
+        """Each engine's fastest setting that reaches the level, the fastest engine first."""
+        return reaching(self.settings, self.level)
 
     @cached_property
     def reached_with_forces(self) -> list[Choice]:
         """The same of configurations whose solve gives the forces, too."""
-        return choices(self.settings[~self.settings["motion_alone"].astype(bool)], self.level)
+        return reaching(self.settings[~self.settings["motion_alone"].astype(bool)], self.level)
 
     @cached_property
     def runs(self) -> list[Choice]:
         """A run of each engine that has any: its fastest that reaches the level, or its most accurate."""
-        reached = {each.engine: self.run_at(each) for each in self.reached}
+        there = {each.engine for each in self.reached}
         accurate = self.settings.sort_values(["kept", "error", "time_s"]).drop_duplicates("engine")
-        others = accurate[~accurate["engine"].isin(reached)]
-        return [*reached.values(), *map(choice_at, others.itertuples())]
+        return [*self.reached, *map(choice_at, accurate[~accurate["engine"].isin(there)].itertuples())]
 
     @property
     def chosen(self) -> Choice | None:
         """The run to be recommended: the fastest that reaches the level, or else the most accurate one."""
         return next(iter(self.runs), None)
-
-    def run_at(self, choice: Choice) -> Choice:
-        """Return the fastest setting that was run and reaches the level, of a choice's configuration."""
-        own = self.settings[(self.settings["label"] == choice.label) & (self.settings["kept"] <= self.level)]
-        return choice_at(next(own.sort_values("time_s").itertuples()))
 
     def fails_at(self, run: Choice) -> "pd.Series[Any] | None":
         """Return the recorded row of the nearest coarser setting that misses the level, None without one."""
@@ -121,39 +122,34 @@ class Standings:
 
 
 def standings_table(standings: Standings) -> Table:
-    """Return each engine's run time at the error asked for, with the errors of the run at that setting.
+    """Return each engine's run time at the error asked for, with the errors of that run.
 
     An engine all of whose finished runs fail the check after every run has no valid run.
     """
-    rows, reached = standings.rows, {each.engine: each for each in standings.reached}
+    rows, reached = standings.rows, {each.row for each in standings.reached}
     fastest = next(iter(standings.reached), None)
     what, unit = words(standings.column)
-    errors = {
-        f"error [{unit}]": standings.column,
-        "joint force error [N]": FORCE,
-        **({axis_label(PEAK): PEAK} if rows[PEAK].notna().any() else {}),
-    }
-    lines = []
+    errors = {f"error [{unit}]": standings.column, "joint force error [N]": FORCE}
+    errors |= {axis_label(PEAK): PEAK} if rows[PEAK].notna().any() else {}
+    lines: list[dict[str, Any]] = []
     for run in standings.runs:
-        time = share = ABSENT
-        if there := reached.get(run.engine):
-            time = there.shown_ms(FORCE)
-            share = str((there is not fastest and fastest and ratio(there, fastest)) or ABSENT)
+        there = run.row in reached
+        line: dict[str, Any] = {"configuration": run.label, "setting": run.setting}
+        line["time [ms]"] = run.shown_ms(FORCE) if there else None
+        line["ratio"] = str(ratio(run, fastest)) if there and fastest and run is not fastest else None
         at = rows.loc[[run.row]]
-        cells = (error(value(at, of).iloc[0], uncertainty(at, of).iloc[0]) for of in errors.values())
-        lines.append((run.label, run.setting, time, share, *cells))
+        for heading, column in errors.items():
+            line[heading] = value(at, column).iloc[0]
+            line[f"{heading}{UNCERTAIN}"] = uncertainty(at, column).iloc[0]
+        lines.append(line)
     recorded, shown = standings.recorded, {run.engine for run in standings.runs}
     for engine in recorded["engine"][~recorded["engine"].isin(shown)].drop_duplicates():
         status = recorded["status"][recorded["engine"] == engine].iloc[0]
-        lines.append((engine, "no valid run" if status == "ok" else status, *[ABSENT] * (2 + len(errors))))
-    return Table(
-        f"{NAME}-standings",
-        f"Run time of each engine at a {what} of {number(standings.level)} {unit}",
-        "The time of the solve is interpolated between settings; the errors are those of the run at the "
-        "setting. Without a time: the error is not reached, the most accurate run is shown. "
-        f"{UNRESOLVED} {ALONE}",
-        NAME,
-        ("configuration", "setting", "time [ms]", "ratio", *errors),
-        tuple(lines),
-        shown=True,
+        lines.append({"configuration": engine, "setting": "no valid run" if status == "ok" else status})
+    title = f"Run time of each engine at a {what} of {number(standings.level)} {unit}"
+    caption = (
+        "Each engine's fastest setting that reaches the error; without a time: the error is not reached, the "
+        f"most accurate run is shown. {UNRESOLVED} {ALONE}"
     )
+    formats = dict.fromkeys(errors, number)
+    return Table(f"{NAME}-standings", title, caption, NAME, pd.DataFrame(lines), formats)

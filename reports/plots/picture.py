@@ -5,8 +5,7 @@ import io
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from reports.plots.axes import set_plainly
-from reports.style import RC, WIDTH_IN
+from reports.look import RC, WIDTH_IN, set_plainly
 
 #: Colours of the curves of one panel, Okabe and Ito's, and their dashes, which tell them apart in greyscale.
 COLOURS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")

@@ -8,10 +8,9 @@ import pandas as pd
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 
-from reports.plots.axes import scale_of
+from reports.look import BLACK, GREY, RC, scale_of
 from reports.plots.picture import Picture
 from reports.results import FloatArray
-from reports.style import BLACK, GREY, RC
 
 FORCE, JOINT_FORCE = "largest_contact_force_N", "largest_joint_"
 #: Height of a picture over one field, and size of a map, in inches; the map's colours.

@@ -12,8 +12,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from reports.look import BLUE, GREY, RC, VERMILLION, axis_label, words
 from reports.plots.picture import COLOURS, DASHES, Picture, picture_bytes
-from reports.style import BLUE, GREY, RC, VERMILLION, axis_label, words
 
 #: Height of a panel, of what is above and below all panels, in inches, and the characters of a line below
 #: and of one beside a panel.

@@ -17,9 +17,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 
+from reports.look import GREY, RC, WIDTH_IN
 from reports.plots.picture import COLOURS, Picture
 from reports.results import FloatArray
-from reports.style import GREY, RC, WIDTH_IN
 
 #: The most pictures of a film, how many of them are shown in a second, and their resolution.
 MOST_PICTURES, PER_SECOND, DPI = 100, 20, 110

@@ -168,10 +168,10 @@ def test_it_runs_where_every_engine_does() -> None:
 
 
 def test_a_study_runs_its_cases_and_no_others(written: Path) -> None:
-    done = crankslider("run", "agreement", "--engine", NAME, "--jobs", 2, "--out", written / "results")
+    done = crankslider("run", "accuracy", "--engine", NAME, "--jobs", 2, "--out", written / "results")
     assert done.code == 0, done.stderr
     with Store(written / "results") as store:
-        rows, _ = store.results("agreement")
+        rows, _ = store.results("accuracy")
     assert {row["engine"] for row in rows} == {NAME}
     assert {row["status"] for row in rows} == {"ok"}
 

@@ -1,10 +1,9 @@
 """Rows of results as a study would write them, with round numbers, and what holds of every chapter."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from reports.parts import Figure
 from reports.results import Results, read_study
 from tests.helpers.row_files import write_rows
 
@@ -30,12 +29,3 @@ def results_of(
     """Write a study's files, ``curves`` by case and column, and read them as the report does."""
     write_rows(folder, "written", rows, curves)
     return read_study(folder, "written")
-
-
-def mixed(figures: Iterable[Figure | None]) -> list[str]:
-    """Return the names of figures whose panels have several labels upwards."""
-    labels = [
-        (figure.name, {ax.get_ylabel() for ax in figure.drawing.axes} - {""}) for figure in figures if figure
-    ]
-    assert labels
-    return [name for name, of in labels if len(of) > 1]

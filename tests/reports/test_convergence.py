@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reports.analysis.convergence import ABOVE_FLOOR, FEWEST, observed_order
+from studies.judges.convergence import ABOVE_FLOOR, FEWEST, observed_order
 
 STEPS = tuple(1e-3 / 2.0**k for k in range(8))
 

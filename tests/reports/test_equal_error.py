@@ -1,4 +1,4 @@
-"""Run times at equal error: interpolated within a configuration, and resolved only where rounds agree."""
+"""Run times at equal error: of settings that were run, and resolved only where rounds agree."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,16 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reports.analysis.equal_error import (
+from reports.equal_error import (
     Choice,
     Ratio,
     candidates,
-    choices,
-    fastest,
     front,
     kept,
-    levels,
     ratio,
+    reaching,
     settings,
     settings_by_scene,
 )
@@ -26,9 +24,7 @@ from reports.results import frame
 CRUDE, SHARP = ((1e-2, 1.0), (1e-6, 100.0)), ((1e-4, 3.0), (1e-9, 400.0))
 
 
-def series(
-    *ran: tuple[float, float], label: str = "engine (arm)", places: tuple[int, ...] | None = None
-) -> pd.DataFrame:
+def series(*ran: tuple[float, float], label: str = "engine (arm)") -> pd.DataFrame:
     """Return a configuration's settings from errors and run times in s; a step is a tenth of its error."""
     columns = pd.DataFrame(ran, columns=["error", "time_s"]).assign(label=label)
     return columns.assign(
@@ -36,7 +32,6 @@ def series(
         kept=kept(columns),
         knob="step",
         value=columns["error"] / 10,
-        place=places or range(len(ran)),
         steps=1.0,
         motion_alone=False,
         times_s=[np.array([time, time]) for time in columns["time_s"]],
@@ -48,40 +43,23 @@ def timed(*times_s: float) -> Choice:
 
 
 def reached(ran: pd.DataFrame, error: float) -> tuple[str, str, object]:
-    there = fastest(ran, error)
-    assert there is not None
+    there, *_ = reaching(ran, error)
     return there.label, there.setting, there.time_s
 
 
-def test_the_time_at_an_error_lies_on_the_line_between_two_settings_log_log() -> None:
-    ran = series((1e-4, 1.0), (1e-8, 10.0))
-    assert reached(ran, 1e-6)[1:] == ("step 1e-05 to 1e-09 s", pytest.approx(10**0.5))
-    assert reached(ran, 1e-4)[1:] == ("step 1e-05 s", 1.0)
-    assert reached(ran, 1e-8)[1:] == ("step 1e-09 s", 10.0)
-
-
-def test_no_time_lies_between_settings_of_different_configurations() -> None:
+def test_who_reaches_an_error_does_so_at_a_setting_that_was_run() -> None:
     both = pd.concat([series(*CRUDE, label="engine (crude)"), series(*SHARP, label="engine (sharp)")])
     assert list(front(both)["error"]) == [1e-2, 1e-4, 1e-6, 1e-9], "the two alternate on the front"
-    mixed = 3.0**0.5
-    assert reached(both, 1e-3) == ("engine (sharp)", "step 1e-05 s", 3.0), f"not {mixed}, which no step gives"
-    assert reached(both, 1e-5) == (
-        "engine (sharp)",
-        "step 1e-05 to 1e-10 s",
-        pytest.approx(3.0 * (400 / 3) ** 0.2),
-    )
-
-
-def test_a_setting_that_failed_is_not_interpolated_over() -> None:
-    ran = series((1e-4, 1.0), (1e-8, 10.0), places=(0, 2))
-    assert reached(ran, 1e-6)[1:] == ("step 1e-09 s", 10.0)
+    assert reached(both, 1e-3) == ("engine (sharp)", "step 1e-05 s", 3.0)
+    assert reached(both, 1e-5) == ("engine (crude)", "step 1e-07 s", 100.0)
+    assert reaching(both, 1e-10) == []
 
 
 def test_a_setting_before_a_worse_one_is_luck_and_counts_by_that_ones_error() -> None:
     ran = series((1e-6, 1.0), (1e-4, 2.0), (1e-8, 4.0))
     assert list(ran["kept"]) == [1e-4, 1e-4, 1e-8]
     assert reached(ran, 1e-4)[2] == 1.0
-    assert reached(ran, 1e-5)[1:] == ("step 1e-05 to 1e-09 s", pytest.approx(2.0 * 2.0**0.25))
+    assert reached(ran, 1e-5)[1:] == ("step 1e-09 s", 4.0)
     assert list(front(ran)["kept"]) == [1e-4, 1e-8]
     others = pd.concat([ran, series((1e-6, 2.5), label="engine (sharp)")])
     assert reached(others, 1e-6)[0] == "engine (sharp)", (
@@ -114,24 +92,14 @@ def test_errors_that_have_grown_to_the_clearance_rank_nobody() -> None:
     assert kept_of(*rows) == [np.inf, 4.9e-5]
     assert kept_of(*rows, column="joint_B_force_error_N") == [np.inf, 1.0]
     both = series((1e-3, 1.0), (1e-5, 2.0)).assign(kept=[np.inf, 1e-5])
-    assert reached(both, 1e-4)[1:] == ("step 1e-06 s", 2.0), "nothing is interpolated from there"
-    assert levels(both, 0.0) == []
+    assert reached(both, 1e-4)[1:] == ("step 1e-06 s", 2.0)
     assert list(front(both)["kept"]) == [1e-5]
-    more = series((1e-3, 1.0), (1e-5, 2.0), (1e-7, 8.0)).assign(kept=[np.inf, 1e-5, 1e-7])
-    assert reached(more, 1e-6)[2] == pytest.approx(4.0), "between the others it is"
-    assert levels(more, 0.0) == [], "the second largest error kept is the smallest"
-
-
-def test_an_error_that_no_setting_reaches_has_no_time_and_a_large_one_that_of_the_first() -> None:
-    ran = series((1e-4, 1.0), (1e-8, 10.0))
-    assert fastest(ran, 1e-9) is None
-    assert reached(ran, 1e-2)[2] == 1.0
 
 
 def test_engines_come_with_their_fastest_configuration_the_fastest_engine_first() -> None:
     arms = [("a (one)", 3.0), ("a (two)", 2.0), ("b (one)", 1.0)]
     together = pd.concat([series((1e-6, time), label=label) for label, time in arms])
-    assert [(each.label, each.time_s) for each in choices(together, 1e-6)] == [
+    assert [(each.label, each.time_s) for each in reaching(together, 1e-6)] == [
         ("b (one)", 1.0),
         ("a (two)", 2.0),
     ]
@@ -170,31 +138,6 @@ def test_of_two_settings_as_good_the_faster_is_on_the_front() -> None:
     assert front(series((1e-4, 2.0), (1e-4, 1.0)))["time_s"].tolist() == [1.0]
 
 
-def test_between_two_settings_the_least_times_count() -> None:
-    """The geometric means of 1 s and 4 s, and of 4 s and 16 s."""
-    ran = series((1e-4, 1.0), (1e-6, 4.0))
-    ran["times_s"] = [np.array([1.0, 4.0]), np.array([4.0, 16.0])]
-    there = fastest(ran, 1e-5)
-    assert there is not None
-    assert (there.time_s, there.next_s) == pytest.approx((2.0, 8.0))
-
-
-def test_a_finer_setting_that_is_worse_again_bounds_what_is_interpolated() -> None:
-    """Down from 1e-4 m to 1e-8 m, and up again to 1e-6 m."""
-    ran = series((1e-4, 1.0), (1e-8, 10.0), (1e-6, 16.0))
-    assert fastest(ran, 1e-7) is None
-    assert reached(ran, 1e-5)[2] == pytest.approx(10**0.5), "half way to 1e-6 m, not a quarter to 1e-8 m"
-
-
-def test_levels_are_powers_of_ten_that_at_least_two_settings_bracket_above_the_floor() -> None:
-    of = series(*((error, 1.0) for error in (3e-4, 2e-5, 4e-8)))
-    assert levels(of, 0.0) == pytest.approx([1e-5, 1e-6, 1e-7])
-    assert levels(of, 2e-6) == pytest.approx([1e-5])
-    assert levels(of[:1], 0.0) == []
-    assert levels(series(*((error, 1.0) for error in (1e-3, 1e-4, 1e-6))), 0.0) == [1e-4, 1e-5]
-    assert levels(series(*((error, 1.0) for error in (1e-3, 2e-6, 6e-7))), 0.0) == [1e-6]
-
-
 def rows_of(**recorded: Any) -> list[dict[str, Any]]:
     """Return a recorded run with two timed ones."""
     head = {"scene": "s", "engine": "reference", "arm": "located", "label": "reference (located)"}
@@ -209,7 +152,7 @@ def test_a_signal_that_is_exactly_zero_has_no_settings_and_one_below_the_floor_i
     assert (at_floor["error"], list(at_floor["times_s"]), at_floor["time_s"]) == (1e-9, [1.0, 2.0], 1.0)
 
 
-def test_settings_go_by_what_is_varied_with_failed_ones_and_compilations_left_out() -> None:
+def test_settings_go_by_what_is_varied_with_failed_ones_left_out() -> None:
     """Two tolerances at the same step, whose runs come from the study in any order."""
     tolerances = (1e-10, 1e-6, 1e-8)
     rows = [
@@ -222,11 +165,10 @@ def test_settings_go_by_what_is_varied_with_failed_ones_and_compilations_left_ou
             status="failed" if tolerance == 1e-8 else "ok",
         )
     ]
-    compiled = {**rows_of()[0], "case": "c", "setting_step_tolerance": 1e-6, "compiled_anew": 1}
-    found = settings(frame([*rows, compiled]), "slider_position_error_m", 0.0)
-    assert [(each.knob, each.value, each.place) for each in found.itertuples()] == [
-        ("step_tolerance", 1e-6, 0),
-        ("step_tolerance", 1e-10, 2),
+    found = settings(frame(rows), "slider_position_error_m", 0.0)
+    assert [(each.knob, each.value) for each in found.itertuples()] == [
+        ("step_tolerance", 1e-6),
+        ("step_tolerance", 1e-10),
     ]
 
 

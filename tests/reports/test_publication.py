@@ -1,22 +1,16 @@
 """What is published: tables and sentences follow from its rows, and rows are written with certain digits."""
 
+import json
 import re
 import shutil
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from matplotlib.figure import Figure as Drawing
 
-from reports.chapters import answer
-from reports.page import Report, read_claims
-from reports.page.contents import CHAPTERS
-from reports.parts import Chapter, Figure, Finding, Table
+from reports.page import FINDINGS, Report, write_report
 from reports.publication import FIGURES, README, answer_of, certain, costs_of, tell, write_study
-from reports.results import Results, published_rows, read_study
-from reports.tables import comma_separated
-from studies.registry import STUDIES
+from reports.results import published_rows
 from studies.store import Store
 from tests.helpers.row_files import write_rows
 
@@ -26,45 +20,26 @@ MOST_BYTES = 5_000_000
 
 
 @pytest.fixture(scope="module")
-def studies() -> dict[str, Results]:
-    """The published rows of all studies, without curves."""
-    return {study: read_study(PUBLISHED / "results", study) for study in STUDIES}
+def page(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Report]:
+    """The page of the published rows."""
+    folder = tmp_path_factory.mktemp("page") / "report"
+    return folder, write_report(PUBLISHED / "results", folder)
 
 
-def require_claims(part: str, findings: Iterable[Finding]) -> None:
-    published = {claim["id"]: (claim["text"], claim["numbers"]) for claim in read_claims(PUBLISHED)}
-    for finding in findings:
-        text, numbers = published[f"{part}/{finding.name}"]
-        assert text == finding
-        assert [of.value for of in numbers] == pytest.approx([of.value for of in finding.numbers], rel=1e-9)
-
-
-def require_published(tables: Iterable[Table | None]) -> None:
-    for table in tables:
-        if table and table.rows:
-            path = PUBLISHED / f"tables/{table.name}.csv"
-            assert path.read_text(encoding="utf-8") == comma_separated(table), path.name
-
-
-@pytest.mark.parametrize("chapter", CHAPTERS, ids=lambda chapter: chapter.name)
-def test_published_tables_and_findings_follow_from_the_published_rows(
-    chapter: Chapter, studies: dict[str, Results]
-) -> None:
-    require_published(chapter.tables(studies))
-    require_claims(chapter.name, chapter.findings(studies))
+def test_published_tables_and_claims_follow_from_the_published_rows(page: tuple[Path, Report]) -> None:
+    folder, _ = page
+    tables = {path.name: path.read_text("utf-8") for path in (folder / "tables").glob("*.csv")}
+    assert {path.name: path.read_text("utf-8") for path in (PUBLISHED / "tables").glob("*.csv")} == tables
+    assert json.loads((PUBLISHED / FINDINGS).read_text("utf-8")) == json.loads(
+        (folder / FINDINGS).read_text("utf-8")
+    )
 
 
 def test_the_published_answers_follow_from_the_published_rows(
-    studies: dict[str, Results], tmp_path: Path
+    page: tuple[Path, Report], tmp_path: Path
 ) -> None:
-    advice = answer.advice(studies)
-    findings = tuple(answer.findings(studies, advice))
-    require_claims("answer", findings)
-    require_published([answer.table(advice), *answer.compared(studies)])
-    published = PUBLISHED / "README.md"
-    titles = re.findall(r"!\[(.*)\]\(figures/(.*)\.svg\)", published.read_text(encoding="utf-8"))
-    report = Report(findings, (), tuple(Figure(name, title, "", "", Drawing()) for title, name in titles))
-    for readme, text in ((published, answer_of(report, PUBLISHED / "tables")), (README, costs_of(report))):
+    _, report = page
+    for readme, text in ((PUBLISHED / "README.md", answer_of(report)), (README, costs_of(report))):
         copy = shutil.copy(readme, tmp_path)
         tell(Path(copy), text)
         assert Path(copy).read_bytes() == readme.read_bytes(), readme
@@ -84,7 +59,7 @@ def test_what_is_published_is_small() -> None:
 def one_run(number: int, solve_time_s: float) -> dict[str, Any]:
     """Return a row as a run writes it."""
     head = {"scene": "x", "engine": "e", "arm": "a", "label": "e (a)", "step_s": 1 / 3, "round": number}
-    measured = {"error_m": 2 / 3, "solve_time_s": solve_time_s, "compile_time_s": solve_time_s}
+    measured = {"error_m": 2 / 3, "solve_time_s": solve_time_s}
     return {"case": f"c{number}", "study": "s", **head, "status": "ok", "reason": "", **measured}
 
 

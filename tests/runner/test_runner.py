@@ -33,7 +33,7 @@ CASES = 15
 
 def case(engine: str = "reference", step: float = 1e-3, end: float = 0.02, **settings: int | str) -> Case:
     scene = ideal_free().model_copy(update={"end_time_s": end})
-    return Case("agreement", scene, Arm(engine, "arm", settings), RunSettings(step, 4))
+    return Case("accuracy", scene, Arm(engine, "arm", settings), RunSettings(step, 4))
 
 
 def test_a_run_resumes_with_what_is_new_and_counts_what_failed(
@@ -41,7 +41,7 @@ def test_a_run_resumes_with_what_is_new_and_counts_what_failed(
 ) -> None:
     cases = [case(), case("pymunk", end=0.5, joints="all", iterations=2)]  # of which the last fails
     first = run_in(tmp_path, cases)
-    assert capsys.readouterr().err.endswith("agreement: 2 cases, 1 failed\n")
+    assert capsys.readouterr().err.endswith("accuracy: 2 cases, 1 failed\n")
     again = run_in(tmp_path, [*cases, case(step=5e-4)], Only(case(step=5e-4)))
     assert sorted(str(row["status"]) for row in again) == ["failed", "ok", "ok"]
     assert all(row in again for row in first)

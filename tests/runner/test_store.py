@@ -57,7 +57,7 @@ def test_what_was_killed_from_outside_is_no_result(tmp_path: Path) -> None:
 def test_a_held_folder_is_refused_before_any_work_and_can_be_read(tmp_path: Path) -> None:
     with Store(tmp_path) as store, store.held():
         store.keep("a", "1", ROW, {})
-        done = crankslider("run", "agreement", "--out", tmp_path)
+        done = crankslider("run", "accuracy", "--out", tmp_path)
         require_refusal(
             done.stdout, done.stderr, done.code, f"no other run holds, got {tmp_path}: wait for it"
         )
@@ -89,7 +89,7 @@ def test_a_file_that_is_none_of_ours_or_damaged_is_refused_in_one_line_and_left_
             store.keep(str(number), "1", ROW, {"time_s": np.arange(100.0)})
     damage(tmp_path / FILE)
     before = (tmp_path / FILE).read_bytes()
-    for command in (("run", "agreement", "--out", tmp_path), ("report", "--results", tmp_path)):
+    for command in (("run", "accuracy", "--out", tmp_path), ("report", "--results", tmp_path)):
         done = crankslider(*command)
         require_refusal(done.stdout, done.stderr, done.code, str(tmp_path / FILE))
     assert (tmp_path / FILE).read_bytes() == before

@@ -124,12 +124,12 @@ def test_no_process_takes_a_file_in_the_users_folder_for_a_module_of_pythons(tmp
     mine = "from engine_models.scipy_ivp.engine import ScipyEngine as Mine\n"
     (tmp_path / "my_module.py").write_text(mine)
     script = str(Path(sys.executable).with_name("crankslider"))
-    command = [script, "run", "agreement", "--engine", "my_module:Mine", "--jobs", "2", "--out", "results"]
+    command = [script, "run", "accuracy", "--engine", "my_module:Mine", "--jobs", "2", "--out", "results"]
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", SAFE_PATH)}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, (tmp_path / "executed").exists()) == (0, False), done.stderr
     with Store(tmp_path / "results") as store:
-        rows, _ = store.results("agreement")
+        rows, _ = store.results("accuracy")
     assert {(row["engine"], row["status"]) for row in rows} == {("my_module:Mine", "ok")}
 
 

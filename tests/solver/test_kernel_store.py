@@ -174,7 +174,7 @@ def test_processes_started_where_nothing_can_be_kept_share_a_temporary_folder(
 
 def test_the_commands_refuse_such_a_folder_in_one_line(cache: Path, tmp_path: Path) -> None:
     private_folder().chmod(0o777)
-    done = crankslider("run", "agreement", "--out", tmp_path / "out")
+    done = crankslider("run", "accuracy", "--out", tmp_path / "out")
     assert (done.code, done.stdout) == (2, "")
     assert done.stderr.startswith(f"error: {kernel_folder()}: expected a folder that only you can write")
     assert done.stderr.count("\n") == 1

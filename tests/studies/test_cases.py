@@ -54,4 +54,4 @@ def test_out_of_the_box_sets_all_that_a_user_who_sets_nothing_has() -> None:
     box = arms.OUT_OF_THE_BOX
     assert PymunkEngine(**box.settings) == PymunkEngine.out_of_the_box()  # type: ignore[arg-type]
     labels = {case.study for case in cases() if case.arm == box}
-    assert labels == {"agreement", "work-precision", "energy", "extremes"}
+    assert labels == {"accuracy", "cost", "energy", "extremes"}

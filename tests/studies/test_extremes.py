@@ -4,26 +4,26 @@ import pickle
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
-from engine_models.scene.scene import Scene
-from reports.analysis.verdicts import Verdict, answers, verdict_on
+from engine_models.scene.library import ideal_driven
+from reports.extremes import Verdict, answers, verdict_on
 from reports.results import frame
 from studies import extremes
 from studies.case import Row, run_case
-from studies.extremes import changed, nearly_ideal, settled
-from studies.judges.converged_truth import converged
+from studies.extremes import changed
+from tests.studies.truth.closed_forms.crank_slider import exact
 
 CASES = {(case.scene.name, case.engine, case.arm.name): case for case in extremes.cases(full=True)}
 QUICK = extremes.cases(full=False)
 RIGHT: Row = {"relative_error": 1e-4, "unaccounted_energy_part": 1e-4, "constraint_relative": 1e-6}
-#: A turn of set R's crank, with clearance at B.
-TURN_S, LOOSE = 60 / 5000, "everyday c = 0.1 mm"
+#: A crank with clearance at B.
+LOOSE = "everyday c = 0.1 mm"
 
 
 def row(name: str, engine: str = "reference", arm: str = "default") -> Row:
@@ -47,14 +47,13 @@ def synthetic(wanted: str = "answer", **changes: object) -> pd.Series:
 # The gallery
 
 
-def test_the_gallery_has_sixty_cases_each_with_a_sentence_of_theory_and_a_check() -> None:
+def test_the_gallery_has_sixty_cases_each_with_a_sentence_of_theory() -> None:
     gallery = extremes.gallery()
     assert len(gallery) >= 60, "a case has gone, or two have one name"
     for extreme in gallery.values():
         assert extreme.theory.endswith("."), extreme.theory
         assert 20 < len(extreme.theory) < 130, f"{extreme.scene.name}: {len(extreme.theory)} characters"
         assert (extreme.wanted == "stop") == (extreme.stop_s is not None)
-    assert {extreme.check for extreme in gallery.values()} == {*extremes.CHECKS}
     for name in ("step at the limit", "step beyond the limit"):
         steps = {case.run.step_s for case in CASES.values() if case.scene.name == name}
         assert steps == {gallery[name].step_s}, "it is the same for all"
@@ -88,28 +87,40 @@ def test_a_scene_is_its_base_with_fields_set_unset_and_made_that_nothing_checks(
 # Checks
 
 
-def loose(end_time_s: float, radial_clearance_m: float) -> Scene:
-    """Return set R with clearance at B."""
-    values = {"end_time_s": end_time_s, "clearance.B.radial_clearance_m": radial_clearance_m}
-    return extremes.gallery()[LOOSE].scene.replace(values)
+def test_the_error_of_a_case_is_the_largest_of_any_signal_in_parts_of_its_swing() -> None:
+    """The slider is off by a millimetre of its swing, then one force by a tenth of its peak."""
+    scene = ideal_driven()
+    truth = exact(scene, 100)
+    position = truth.position.copy()
+    position[:, 2, 0] += 1e-3
+    off = extremes.relative_errors(scene, scene, replace(truth, position=position))
+    swing = np.ptp(truth.position[:-1, 2, 0]) / 2
+    assert max(off, key=off.__getitem__) == "slider_position_m"
+    assert off["slider_position_m"] == pytest.approx(1e-3 / swing, rel=0.2)
+    force = {**truth.joint_force_N, "A": 1.1 * truth.joint_force_N["A"]}
+    off = extremes.relative_errors(scene, scene, replace(truth, joint_force_N=force))
+    assert off["joint_A_force_N"] == pytest.approx(0.1, rel=0.05)
+    assert off["joint_B_force_N"] < 1e-9
 
 
-def test_a_pin_that_has_settled_is_judged_by_a_revolution_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(extremes, "converged", cache(converged))  # the truth of both is found once
-    scene = loose((40 + 1 / 3) * TURN_S, 2e-5)
-    run = make_engine("reference", method="dop853").simulate(scene, RunSettings(scene.end_time_s, 2))
-    (error,) = settled(scene, run).values()
-    assert error < extremes.RIGHT["relative_error"], f"{error:.1e}"
-    contact = replace(run.contacts["B"], gap_m=run.contacts["B"].gap_m * 1.5)
-    (error,) = settled(scene, replace(run, contacts={"B": contact})).values()
-    assert error == pytest.approx(0.5, rel=0.1), "in parts of the largest distance from the centre"
-
-
-def test_next_to_no_clearance_is_judged_as_an_ideal_joint() -> None:
-    scene = loose(5e-4, 1e-9)
+def test_next_to_no_clearance_is_judged_as_an_ideal_joint_and_by_no_force() -> None:
+    values = {"end_time_s": 5e-4, "clearance.B.radial_clearance_m": 1e-9}
+    scene = extremes.gallery()[LOOSE].scene.replace(values)
+    ideal = changed(scene, {"clearance": {"B": "none"}})
     run = make_engine("reference").simulate(scene, RunSettings(1e-6, 20))
-    (error,) = nearly_ideal(scene, run).values()
-    assert error < extremes.RIGHT["relative_error"], f"{error:.1e}"
+    errors = extremes.relative_errors(scene, ideal, run)
+    assert {*errors} == {"slider_position_m", "slider_velocity_m_s"}
+    assert errors["slider_position_m"] < extremes.RIGHT["relative_error"]
+
+
+def test_a_truth_that_ends_before_its_scene_judges_what_comes_before() -> None:
+    scene = ideal_driven()
+    truth = exact(scene, 100)
+    position = truth.position.copy()
+    position[60:, 2, 0] += 1.0
+    early = scene.model_copy(update={"end_time_s": scene.end_time_s / 2})
+    errors = extremes.relative_errors(scene, early, replace(truth, position=position))
+    assert max(errors.values()) < 1e-9
 
 
 # Verdicts
@@ -177,11 +188,11 @@ def test_what_theory_asks_for_depends_on_the_case(
 
 
 @pytest.mark.parametrize("name", ["step at the limit", "step beyond the limit"])
-def test_at_the_step_of_all_the_reference_is_off_by_less_than_two_bounds(name: str) -> None:
+def test_at_the_step_of_all_the_reference_is_off_by_less_than_four_bounds(name: str) -> None:
     measured = row(name)
     assert judged(measured)["verdict"] is Verdict.INACCURATE
     assert isinstance(error := measured["relative_error"], float)
-    assert error < 2 * extremes.RIGHT["relative_error"], f"{error:.2e}; 1.5e-3 and 1.8e-3 were measured"
+    assert error < 4 * extremes.RIGHT["relative_error"], f"{error:.2e}; 3.1e-3 and 3.6e-3 were measured"
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """What studies write into rows, run again and resume, against what was worked out by hand."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,10 +10,9 @@ from engine_models import arms
 from engine_models.engine import Impacts, RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import ideal_driven
-from studies import clearance, energy
+from studies import accuracy, energy
 from studies.case import Case
-from studies.ladders import ladder
-from tests.studies.truth.closed_forms.crank_slider import exact
+from studies.settings import ladder
 
 
 def test_of_all_joints_impacts_are_counted_together_and_the_worst_error_counts() -> None:
@@ -31,7 +29,7 @@ def test_of_all_joints_impacts_are_counted_together_and_the_worst_error_counts()
     doubt = moving(A=joint(8.01, 1.0, 2.0), B=joint(5.0, 1.5, 3.501))
     solved = (truth, (doubt,), "independent")
     found: Any = SimpleNamespace(run=run, solved=solved, compared_until_s=4.0)
-    row = clearance.impacts_of(found)
+    row = accuracy.impacts_of(found)
     assert (row["impacts_matched"], row["impacts_unmatched"], row["impacts_missed"]) == (3, 0, 1)
     assert row["impact_time_error_s"] == pytest.approx(0.03)
     assert row["impact_time_uncertainty_s"] == pytest.approx(0.003), "three times the distance"
@@ -40,14 +38,6 @@ def test_of_all_joints_impacts_are_counted_together_and_the_worst_error_counts()
     assert row["impact_force_uncertainty_N"] == pytest.approx(0.03)
     assert row["impact_force_relative_uncertainty"] == pytest.approx(0.03 / 8)
     assert row["largest_contact_force_error_N"] == pytest.approx(0.5)
-
-
-def test_a_cross_check_ends_at_the_horizon(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, truth = ideal_driven(), exact(ideal_driven(), 8)
-    position = truth.position.copy()
-    position[2:, 2, 0] += np.array([1e-9, -3e-9, 0, 0, 0.1, 0.1, 0.1])
-    monkeypatch.setattr(clearance, "cross_check", lambda *_: replace(truth, position=position))
-    assert clearance._cross_check_m(scene, truth, 6) == pytest.approx(3e-9, rel=1e-6)
 
 
 def test_an_energy_row_has_what_the_run_gained_with_its_signs() -> None:

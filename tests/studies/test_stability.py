@@ -11,20 +11,20 @@ from engine_models.arms import NATIVE_CONTACT
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import stiffness_of
-from reports.analysis.map_cells import VERDICTS as SHOWN
+from reports.stability import VERDICTS as SHOWN
 from studies import stability
 from studies.case import Case, Value
 from studies.judges.metrics import finite
 from studies.stability import ERROR, GAIN, LOSS, VIOLATION, first_impact
 
 
-def the_case(engine: str, arm: str, step_s: float, **columns: Value) -> Case:
-    """Return the one case of the full set that has these columns and this step."""
+def the_case(engine: str, arm: str, step_s: float, factor: float = 1.0) -> Case:
+    """Return the one case of the full set with a part of steel's stiffness and this step."""
     (match,) = [
         case
         for case in stability.cases(full=True)
         if (case.engine, case.arm.name) == (engine, arm)
-        and all(case.columns.get(name) == value for name, value in columns.items())
+        and case.scene.name == f"stability-stiffness-{factor:g}"
         and step_s == pytest.approx(case.run.step_s)
     ]
     return match
@@ -44,9 +44,7 @@ def test_the_quick_set_has_each_engines_best_method_and_the_report_its_verdicts(
 
 def test_a_hertz_bounce_has_the_limit_of_0_702_and_0_496_of_its_duration() -> None:
     # Stiff: far above any gravity or inertia force while in contact: the closed form of the free bounce.
-    scene = next(
-        scene for _, value, scene in stability.scenes(full=False) if scene.name.endswith("stiffness-1000")
-    )
+    scene = the_case("reference", "located", 1e-5, 1000.0).plain_scene
     energy, frequency = first_impact(scene)
     clearance, slider = scene.clearance.B, scene.crank_slider()[2]
     assert clearance is not None
@@ -85,7 +83,7 @@ def test_a_bound_exceeded_decides_the_verdict(name: str, value: float, expected:
 
 @pytest.fixture(scope="module")
 def bounce() -> tuple[Case, Trajectory]:
-    case = the_case("reference", "located", 1e-5, crank_speed_rpm=5000.0)
+    case = the_case("reference", "located", 1e-5)
     return case, make_engine("reference").simulate(case.scene, case.run)
 
 
@@ -130,12 +128,12 @@ def test_no_number_that_is_not_finite_is_overlooked(bounce: tuple[Case, Trajecto
 
 
 def test_what_an_engine_refuses_or_fails_at_has_a_verdict() -> None:
-    case = the_case("pymunk", "as the scene", 1e-5, crank_speed_rpm=5000.0)
+    case = the_case("pymunk", "as the scene", 1e-5)
     fields = {"clearance.B.law": "kelvin-voigt", "clearance.B.damping_N_s_m": 10.0}
     row, _ = stability.measure(replace(case, scene=case.plain_scene.replace(fields), arm=NATIVE_CONTACT))
     assert (row["status"], row["verdict"]) == ("unsupported", "refused")
 
-    case = the_case("reference", "plain", 1e-4, crank_speed_rpm=20000.0)
+    case = the_case("reference", "plain", 1e-4, 1000.0)
     row, _ = stability.measure(case)
     assert (row["status"], row["verdict"]) == ("failed", "diverged")
 

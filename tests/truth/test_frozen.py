@@ -26,10 +26,10 @@ from engine_models.reference.engine import SHARPEST, ReferenceEngine
 from engine_models.scene.library import SCENES
 from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.parts import AnyScene
-from studies.clearance import END_S
 from studies.judges.converged_truth import GRID, PLACES, converged, truth_by
 from studies.judges.horizon import a_place_off
 from studies.judges.metrics import COVERAGE
+from studies.settings import END_S
 from tests.engines.runs import impact_numbers, numbers
 
 FILE = Path(__file__).with_name("frozen.npz.xz")

@@ -20,12 +20,11 @@ from rich.table import Table
 from engine_models.exudyn.fast_build import load_build
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from reports.analysis.equal_error import SLIDER
-from studies import clearance
+from reports.results import SLIDER
+from studies.accuracy import SAMPLES, case_of
 from studies.case import Case, run_case
 from studies.judges.converged_truth import converged
-from studies.ladders import ladder
-from studies.work_precision.study import NAME, SAMPLES, case_of
+from studies.settings import END_S, ladder
 from tests.benchmarks.rivals.problem import Answer, FloatArray
 
 ROUNDS = 10
@@ -83,7 +82,7 @@ RIVALS = (
 def physics(scene: str) -> Scene:
     """Return a scene, cut to the time for which it is followed."""
     made = SCENES[scene]()
-    return made.model_copy(update={"end_time_s": clearance.END_S.get(scene, made.end_time_s)})
+    return made.model_copy(update={"end_time_s": END_S.get(scene, made.end_time_s)})
 
 
 @cache
@@ -121,8 +120,8 @@ def of_study(scene: str, engine: str, column: str) -> list[Entry]:
     entries = []
     for setting in ladder(physics(scene), full=True):
         if setting.arm.engine == engine:
-            row, _ = run_case(case_of(NAME, physics(scene), setting, SAMPLES))
-            timed = case_of(NAME, physics(scene), setting, 1, timed=True)
+            row, _ = run_case(case_of("accuracy", physics(scene), setting, SAMPLES))
+            timed = case_of("accuracy", physics(scene), setting, 1, timed=True)
 
             def turn(timed: Case = timed) -> float:
                 return float(str(run_case(timed)[0].get("solve_time_s", np.inf)))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reports.analysis.equal_error import SLIDER
+from reports.results import SLIDER
 from tests.benchmarks.rivals import exudyn_alone, scipy_minimal
 from tests.benchmarks.rivals.problem import ROD_M
 from tests.benchmarks.rivals.race import IDEAL, LOOSE, LOOSE_DRIVEN, RIVALS, Rival, true

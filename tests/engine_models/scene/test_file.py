@@ -88,7 +88,7 @@ def test_many_unknown_keys_are_counted_in_one_line(tmp_path: Path) -> None:
         ("simulate ideal-free --samples=", "samples"),
         ("simulate ideal-free --step=", "step"),
         ("simulate ideal-free --engine pymunk --set iterations=", "iterations"),
-        ("run agreement --jobs=", "jobs"),
+        ("run accuracy --jobs=", "jobs"),
     ],
 )
 def test_only_plain_decimal_numbers_are_numbers(number: str, arguments: str, option: str) -> None:

@@ -1,4 +1,4 @@
-"""The page of the published rows in Debian's Chromium, for all tests of this folder."""
+"""The page of a quick set's rows in Debian's Chromium, for all tests of this folder."""
 
 import shutil
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from reports.page import write_report
 
-PUBLISHED = Path(__file__).parents[3] / "reports" / "published" / "results"
+ROWS = Path(__file__).parents[1] / "rows"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
@@ -32,7 +32,7 @@ def heard() -> list[str]:
 @pytest.fixture(scope="module")
 def page(browser: Browser, heard: list[str], tmp_path_factory: pytest.TempPathFactory) -> Page:
     folder = tmp_path_factory.mktemp("report")
-    write_report(PUBLISHED, folder)
+    write_report(ROWS, folder)
     page = browser.new_page(viewport={"width": 1440, "height": 900})
     page.on("console", lambda said: heard.append(f"{said.type}: {said.text}"))
     page.on("pageerror", lambda error: heard.append(f"error: {error}"))

@@ -12,8 +12,7 @@ from engine_models.engines import ENGINES, engine_class, make_engine
 from engine_models.scene.library.mechanisms import ALL_SCENES
 from engine_models.scene.plain_words import fields
 from reports import page
-from reports.page.build import Report
-from reports.parts import Finding
+from reports.page import Chapter, Claim, Made, Report
 from studies import runner
 from studies.registry import STUDIES
 from tests.helpers.command import crankslider
@@ -77,10 +76,10 @@ def test_run_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_path:
     monkeypatch.chdir(tmp_path)
     assert crankslider("run").code == 0
     options = ("--full", "--retry-failed", "--jobs", 3, "--out", tmp_path)
-    assert crankslider("run", "agreement", *options).code == 0
+    assert crankslider("run", "accuracy", *options).code == 0
     assert calls == [
         (list(STUDIES), False, Path("results"), False, []),
-        (["agreement"], True, tmp_path, True, []),
+        (["accuracy"], True, tmp_path, True, []),
     ]
 
 
@@ -89,7 +88,8 @@ def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_pa
 
     def write_report(*arguments: object) -> Report:
         calls.append(arguments)
-        return Report((Finding("answer", "The answer."),), ("a note",), ())
+        chapter = Chapter("answer", "", (), "", lambda _: iter(()))
+        return Report((Made(chapter, (Claim("answer", "The answer."),), (), ()),), ("a note",))
 
     monkeypatch.setattr(page, "write_report", write_report)
     monkeypatch.chdir(tmp_path)

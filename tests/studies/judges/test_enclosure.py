@@ -11,10 +11,12 @@ from engine_models.mechanics.samples import selected
 from engine_models.scene.data import SceneData
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.clearance import END_S, SAMPLES
 from studies.judges.converged_truth import PLACES, TRUE, converged, followed
 from studies.judges.horizon import a_place_off
 from studies.judges.metrics import errors, uncertainties
+from studies.settings import END_S
+
+SAMPLES = 120
 
 #: Solutions of each scene, and how many of their numbers at how many ends have to be enclosed. A solution is
 #: a twentieth, and which are enclosed is a matter of rounding.

@@ -12,7 +12,6 @@ from engine_models.minimal.sharp import SharpSolver
 from engine_models.reference.engine import SHARPEST, ReferenceEngine
 from engine_models.scene.library import ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
-from studies.extremes import ideal_motion
 from studies.judges import converged_truth
 from studies.judges.comparison import Judged, compared
 from studies.judges.converged_truth import Solved, reach
@@ -140,12 +139,6 @@ def test_a_truth_and_what_tells_its_uncertainty_are_found_in_different_ways() ->
     assert isinstance(converged_truth.TRUE, SharpSolver)
     assert isinstance(converged_truth.CONFIRMING, ReferenceEngine)
     assert converged_truth.CONFIRMING.step_tolerance == SHARPEST
-
-
-def test_an_error_of_the_gallery_is_the_largest_in_cranks() -> None:
-    scene = ideal_driven()
-    off = ideal_motion(scene, shifted(exact(scene, 8), -0.01))["slider position"]
-    assert off == pytest.approx(0.01 / 0.05)
 
 
 def test_a_slider_that_leaves_its_guide_with_all_joints_closed_has_a_speed() -> None:

@@ -11,12 +11,12 @@ from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
+from studies.accuracy import impacts_of
 from studies.case import Row
-from studies.clearance import impacts_of
 from studies.judges.comparison import compared, judged
 from tests.helpers.arrays import joint_forces
 
-#: Four impacts, and the samples of the work-precision study.
+#: Four impacts, and the samples of the accuracy study.
 SCENE = SCENES["clearance-free-0.5mm"]().model_copy(update={"end_time_s": 0.012})
 ASKED = RunSettings(SCENE.end_time_s, 24)
 EXACT = make_engine("reference", method="dop853", step_tolerance=1e-12)

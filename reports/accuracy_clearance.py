@@ -1,0 +1,184 @@
+"""Accuracy with clearance: every engine against the solution of its own contact law, impact by impact."""
+
+from collections.abc import Iterator
+from itertools import chain
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from reports.accuracy_ideal import nearest
+from reports.equal_error import from_coarse_to_fine
+from reports.lines import MOST_LINES, Line, Panel, against, draw, points, shown_labels
+from reports.look import axis_label, line_styles, number, words
+from reports.page import UNCERTAIN, Chapter, Claim, Figure, Table
+from reports.results import (
+    LOOSE,
+    PEAK,
+    RIGID,
+    Results,
+    Studies,
+    accuracy,
+    finished,
+    motion_error,
+    uncertainty,
+    value,
+    with_columns,
+)
+
+INTRODUCTION = (
+    "Each run is compared with the converged solution of the engine's own model: its error is numerical. The "
+    "model form is the difference of that solution from the one of the scene's law. Errors are compared up "
+    "to the time to which the reference solution is known."
+)
+#: The largest error of an impact's time, and of its impulse in percent of the largest impulse.
+TIME, IMPULSE = "impact_time_error_s", "impulse_error_percent"
+#: The impacts of a run with a partner and without one, and those of the reference solution without one.
+MATCHED, UNMATCHED, MISSED = COUNTS = ["impacts_matched", "impacts_unmatched", "impacts_missed"]
+#: The reference solution's line in the figure of an impact, and the samples shown before and after contact.
+TRUE_LINE: dict[str, Any] = {"color": "#B9B9B9", "linewidth": 3.2, "zorder": 1.5}
+MARGIN = 24
+
+
+def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
+    """Yield one impact from near, errors against the mean step, and what of impacts and models is off."""
+    if studies["accuracy"].has_curves:
+        yield first_impact(studies["accuracy"])
+    rows = accuracy(studies, LOOSE, RIGID)
+    if rows.empty:
+        return
+    rows = with_columns(rows, TIME, "impact_impulse_relative_error", *COUNTS)
+    rows[IMPULSE] = 100 * rows["impact_impulse_relative_error"]
+    motion = motion_error(rows)
+    yield _impacts_found(finest(rows))
+    best = rows[rows["joints"] == LOOSE]
+    best = best[best["label"].isin(nearest(best, motion)["label"])]
+    by_signal = [against(best, column) for column in (motion, PEAK, IMPULSE)]
+    panels = [*chain(*by_signal)]
+    caption = (
+        "Configurations that are an engine's best on a scene. Grey lines: order at the left end; grey "
+        "areas are the uncertainty of the reference solution."
+    )
+    title = "How do the errors fall with the step?"
+    if panels:
+        drawing = draw(panels, 2.2, min(3, max(map(len, by_signal))))
+        yield Figure("clearance-steps", title, caption, "accuracy", drawing, points(panels))
+    yield impacts_by_configuration(finest(rows))
+    yield _models(rows, motion)
+    yield smallest_errors(rows, motion)
+
+
+def finest(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return of each configuration on each scene the finest run that finished."""
+    scenes = [from_coarse_to_fine(of_scene) for _, of_scene in rows.groupby("scene")]
+    return finished(pd.concat(scenes)).drop_duplicates(["scene", "label"], keep="last").sort_index()
+
+
+def first_impact(results: Results) -> Figure | None:
+    """Return the force of one impact over time and penetration, and its errors; None without runs of it."""
+    rows = finished(with_columns(results.rows, "view").query("view == 'impact'"))
+    if rows.empty:
+        return None
+    rows = rows[rows["label"].isin(shown_labels(rows)[: MOST_LINES - 1])]
+    force, depth = "contact_B_normal_force_N", "contact_B_penetration_m"
+    names = ("time_s", f"true_{depth}", f"true_{force}")
+    time_s, true_depth, true_force = (results.curve(rows["case"].iloc[0], name) for name in names)
+    since_us = 1e6 * (time_s - time_s[np.argmax(true_depth >= 0)])
+    touching = np.flatnonzero(true_force > 0)
+    around = slice(max(0, touching[0] - MARGIN), touching[-1] + MARGIN)
+    drawn = [("reference solution", true_depth, true_force, TRUE_LINE)]
+    errors, styles = [], line_styles(rows)
+    for place, (case, label) in enumerate(zip(rows["case"], rows["label"], strict=True)):
+        style = {**styles[label], "linewidth": 0.9, "markevery": (4 * place, MARGIN)}
+        drawn.append((label, results.curve(case, depth), results.curve(case, force), style))
+        size = results.curve(case, force.replace("_force_", "_force_error_"))[around]
+        errors.append(Line(label, since_us[around], np.where(size > 0, size, np.nan), style))
+    over_time = [Line(label, since_us[around], F[around] / 1e3, style) for label, _, F, style in drawn]
+    over_depth = [Line(label, 1e6 * d[touching], F[touching] / 1e3, style) for label, d, F, style in drawn]
+    time, axis = "time since touch [µs]", "contact force [kN]"
+    panels = (
+        Panel("", time, axis, over_time, log=""),
+        Panel("", "penetration [µm]", axis, over_depth, log=""),
+        Panel("", time, "contact force error [N]", errors, log="y"),
+    )
+    title = "How well do the engines agree on one impact?"
+    scene = rows["scene"].iloc[0].removesuffix("-first-impact")
+    caption = (
+        f"The first impact on {scene}: the curves lie on each other, the errors on the right do not. The "
+        "area of the loop is the energy lost."
+    )
+    return Figure("clearance-impact", title, caption, "accuracy", draw(panels), points(panels))
+
+
+def _impacts_found(runs: pd.DataFrame) -> Claim | None:
+    """Return how many impacts each engine's finest run with compliant contact finds."""
+    by_label = runs[runs["joints"] == LOOSE].groupby("label", observed=True)[COUNTS].sum()
+    if by_label.empty:
+        return None
+    every = by_label[MATCHED] + by_label[MISSED]
+    found = [
+        f"{label} {of:.0f} of {all_of:.0f}"
+        for label, of, all_of in zip(by_label.index, by_label[MATCHED], every, strict=True)
+    ]
+    numbers = {"impacts": (float(every.max()), "")}
+    return Claim("impacts-found", f"Impacts found at the finest setting: {', '.join(found)}.", numbers)
+
+
+def impacts_by_configuration(runs: pd.DataFrame) -> Table:
+    """Return the impacts found and their largest errors over all scenes."""
+    of_label = runs.groupby(["joints", "label"], observed=True)
+    table = of_label[COUNTS].sum().join(of_label[[TIME, PEAK, IMPULSE]].max()).reset_index()
+    headings = {"label": "configuration", MATCHED: "impacts found", MISSED: "missed", UNMATCHED: "unmatched"}
+    headings |= {name: axis_label(name).replace(" error", "") for name in (TIME, PEAK, IMPULSE)}
+    table = table.rename(columns=headings)[
+        ["configuration", "joints", "impacts found", "missed", *[*headings.values()][3:]]
+    ]
+    title = "Errors of impacts, largest over all scenes"
+    caption = (
+        "Each configuration's finest run against the reference solution; unmatched are impacts that it does "
+        "not have. A missed impact counts as 100 % in the peak force; rigid contact has no peak force."
+    )
+    whole: dict[str, Any] = dict.fromkeys(("impacts found", "missed", "unmatched"), "{:.0f}".format)
+    formats = whole | {headings[TIME]: number}
+    return Table("clearance-impacts", title, caption, "accuracy", table, formats)
+
+
+def _models(rows: pd.DataFrame, motion: str) -> Table | None:
+    """Return model form beside numerical error of each engine that solves another law; None if none does."""
+    rows = rows.assign(form=value(rows, motion.replace("_error_", "_model_difference_")))
+    rows = rows[rows["form"] > uncertainty(rows, motion)]
+    furthest = rows.sort_values("form").drop_duplicates("engine", keep="last")
+    best = nearest(rows, motion).set_index("engine")
+    unit = words(motion)[1]
+    table = pd.DataFrame(
+        {
+            "engine": furthest["engine"],
+            "scene": furthest["scene"],
+            f"model form [{unit}]": furthest["form"],
+            f"numerical error [{unit}]": furthest["engine"].map(best["error"].groupby(level=0).max()),
+        }
+    )
+    title = "Model form and numerical error of engines with contact laws of their own"
+    caption = (
+        "The largest difference of the engine's own model from the scene's law, and its best run's error."
+    )
+    return Table("clearance-models", title, caption, "accuracy", table)
+
+
+def smallest_errors(rows: pd.DataFrame, motion: str) -> Table:
+    """Return each configuration's smallest errors on each scene, and until when they are such."""
+    lines = []
+    for (scene, label), of in rows.groupby(["scene", "label"], observed=True):
+        line: dict[str, Any] = {"scene": scene, "configuration": label}
+        line["compared until [s]"] = value(of, "compared_until_s").max()
+        for column in (motion, PEAK, "impact_force_error_N"):
+            errors, heading = value(of, column).dropna(), axis_label(column).replace(" error", "")
+            least = errors.idxmin() if len(errors) else None
+            line[heading] = np.nan if least is None else errors[least]
+            line[f"{heading}{UNCERTAIN}"] = np.nan if least is None else uncertainty(of, column)[least]
+        lines.append(line)
+    title = "Smallest errors by scene"
+    return Table("clearance-errors", title, "", "accuracy", pd.DataFrame(lines), shown=False)
+
+
+CHAPTER = Chapter("accuracy-clearance", "Accuracy with clearance", ("accuracy",), INTRODUCTION, parts)

@@ -1,1 +1,0 @@
-"""What is computed from rows: orders, run times at equal error, verdicts, statistics."""

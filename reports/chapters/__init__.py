@@ -1,1 +1,0 @@
-"""The chapters of the page: each declares its findings, figures and tables (see `reports.parts.Chapter`)."""

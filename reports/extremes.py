@@ -1,0 +1,160 @@
+"""Extreme cases: whether an engine says so where it cannot give the right motion."""
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from enum import Enum
+from typing import Any
+
+import pandas as pd
+
+from reports.look import listed, number, words
+from reports.page import Chapter, Claim, Table
+from reports.results import QUALITY, Studies, quality_failures, with_columns
+
+Row = Mapping[str, Any]
+INTRODUCTION = (
+    "A gallery of named cases at the edge of what a solver can do, each with what theory expects. A run is "
+    "right or wrong by its largest error, energy balance and constraints; a clear error misleads nobody."
+)
+#: What theory asks for in an extreme case, in words.
+WANTED = {
+    "answer": "the motion",
+    "answer or word": "the motion, or an error that names step or numbers",
+    "refusal": "a refusal",
+    "stop": "an error at the right time, or a way on",
+}
+
+
+class Verdict(Enum):
+    """How a run came out, from good to bad: what misleads nobody is better than what does."""
+
+    RIGHT = "right"
+    REFUSED = "refused"
+    FAILED = "clear error"
+    NOTICED = "wrong, found by a check"
+    INACCURATE = "inaccurate"
+    FAILED_OBSCURELY = "unclear error"
+    TIMED_OUT = "timed out"
+    OUT_OF_MEMORY = "out of memory"
+    CRASHED = "crashed"
+    WRONG = "wrong, no error"
+
+
+#: The numbers that a verdict rests on, each with a column of its bound.
+JUDGED = ("relative_error", "unaccounted_energy_part", "constraint_relative")
+#: Verdicts on runs that end with word of when and why, the engine's own or that of the check after every run.
+TOLD_SO = (Verdict.FAILED, Verdict.NOTICED)
+#: Verdicts on runs that did not go wrong.
+WELL = (Verdict.RIGHT, Verdict.REFUSED, Verdict.FAILED)
+#: How a failure tells its time, and to which part of the time.
+_TIME, TOLD = re.compile(r"\bt = (-?\d[\d.e+-]*) s\b"), 1e-2
+_ENDED = {v.value: v for v in (Verdict.TIMED_OUT, Verdict.OUT_OF_MEMORY, Verdict.CRASHED)}
+
+
+def answers(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the study's runs, by the place of their cases, with what is made of them.
+
+    ``reason`` is the engine's, or else why the check after every run fails it. ``verdict`` is the
+    ``Verdict``; ``as_wanted`` whether theory asks for what came: the motion, or no motion where there is
+    none.
+    """
+    rows = with_columns(rows, *JUDGED, "judged").sort_values("place", kind="stable")
+    rows[QUALITY] = quality_failures(rows)
+    rows["reason"] = rows["reason"].where(rows["reason"] != "", rows[QUALITY])
+    for name, of in (("verdict", verdict_on), ("as_wanted", _as_wanted)):
+        rows[name] = pd.Series([of(row) for _, row in rows.iterrows()], rows.index)
+    return rows
+
+
+def verdict_on(row: Row) -> Verdict:
+    """Return the verdict on a row.
+
+    A success is wrong, and noticed, if the check after every run fails it. Others are wrong if a number is
+    missing, for those that are not finite are no numbers, if motion, energy or constraints are off by more
+    than ``nonsense_factor`` times their bounds, or if theory knows of no answer. One is right if nothing
+    exceeds its bound. A failure is clear if it tells when: a time, or that it is the initial state's.
+    """
+    if row["status"] in _ENDED:
+        return _ENDED[row["status"]]
+    if row["status"] == "unsupported":
+        return Verdict.REFUSED
+    if row["status"] != "ok":
+        told = _TIME.search(row["reason"]) or row["reason"].startswith("initial ")
+        return Verdict.FAILED if told else Verdict.FAILED_OBSCURELY
+    if row[QUALITY]:
+        return Verdict.NOTICED
+    excess = {name: row[name] / row[f"{name}_bound"] for name in JUDGED}
+    if row["wanted"] == "refusal" or any(map(math.isnan, excess.values())):
+        return Verdict.WRONG
+    if max(excess.values()) > row["nonsense_factor"]:
+        return Verdict.WRONG
+    return Verdict.RIGHT if max(excess.values()) <= 1 else Verdict.INACCURATE
+
+
+def _as_wanted(row: Row) -> bool:
+    verdict, wanted = row["verdict"], row["wanted"]
+    if wanted == "refusal":
+        return verdict in (Verdict.REFUSED, *TOLD_SO)
+    if wanted == "stop" and verdict in TOLD_SO:
+        time = _TIME.search(row["reason"])
+        return bool(time and abs(float(time[1]) - row["stop_s"]) <= row["step_s"] * (1 + TOLD))
+    return verdict is Verdict.RIGHT or (wanted == "answer or word" and verdict in (Verdict.REFUSED, *TOLD_SO))
+
+
+def parts(studies: Studies) -> Iterator[Claim | Table | None]:
+    """Yield who returns wrong results, counts of verdicts, and the runs that went wrong."""
+    answered = answers(studies["extremes"].rows)
+    yield wrong_without_error(answered)
+    yield _counts(answered)
+    yield verdicts(answered[~answered["verdict"].isin(WELL)], "wrong", "Which runs went wrong?")
+    yield verdicts(answered, "verdicts", "Every run of an extreme case", shown=False)
+
+
+def wrong_without_error(answered: pd.DataFrame) -> Claim:
+    """Return how often each configuration returned a wrong result without an error, the most often first."""
+    wrong = answered["verdict"].eq(Verdict.WRONG).groupby(answered["label"], observed=True)
+    counts = pd.DataFrame({"wrong": wrong.sum(), "cases": wrong.size()})
+    counts = counts.sort_values("wrong", ascending=False, kind="stable")
+    told = [f"{row.Index} in {{n{k}}} of {row.cases}" for k, row in enumerate(counts.itertuples())]
+    numbers: dict[str, tuple[Any, ...]] = {"factor": (answered["nonsense_factor"].iloc[0], "")}
+    numbers |= {f"n{k}": (int(count), "") for k, count in enumerate(counts["wrong"])}
+    text = "Results wrong by over {factor} times a bound, or given where no motion exists, without an error: "
+    return Claim("wrong-results", f"{text}{listed(told)} extreme cases.", numbers)
+
+
+def _counts(answered: pd.DataFrame) -> Table:
+    """Return how often each verdict fell on each configuration."""
+    by_label = answered.groupby("label", observed=True)
+    names = [verdict.value for verdict in Verdict if (answered["verdict"] == verdict).any()]
+    tally = pd.crosstab(answered["label"], answered["verdict"].map(lambda verdict: verdict.value))[names]
+    tally.insert(0, "cases", by_label.size())
+    tally["as theory asks"] = by_label["as_wanted"].sum()
+    table = tally.rename_axis("configuration").reset_index()
+    formats = dict.fromkeys(tally, "{:.0f}".format)
+    return Table("extremes-counts", "What came of the extreme cases?", "", "extremes", table, formats)
+
+
+def verdicts(answered: pd.DataFrame, name: str, title: str, shown: bool = True) -> Table:
+    """Return runs: what theory asks for, the verdict, the numbers that it rests on, the engine's reason."""
+    bounds = {bound: f"{answered[f'{bound}_bound'].max():g}" for bound in JUDGED}
+    caption = "Right: error up to {} of the signal, energy {} of that in play, gaps {} of the crank's length."
+    table = pd.DataFrame(
+        {
+            "case": answered["scene"],
+            "configuration": answered["label"].astype(str),
+            "verdict": [verdict.value for verdict in answered["verdict"]],
+            **dict(zip(("error", "energy", "gaps"), (answered[of] for of in JUDGED), strict=True)),
+            "error of": [words(of)[0] if isinstance(of, str) else "" for of in answered["judged"]],
+            "reason": answered["reason"],
+            "asked for": answered["wanted"].map(WANTED),
+            "theory": answered["theory"],
+        }
+    )
+    formats = dict.fromkeys(("error", "energy", "gaps"), number)
+    return Table(
+        f"extremes-{name}", title, caption.format(*bounds.values()), "extremes", table, formats, shown
+    )
+
+
+CHAPTER = Chapter("extremes", "Extreme cases", ("extremes",), INTRODUCTION, parts)

@@ -1,0 +1,247 @@
+"""Stability: a map of verdicts over the step and the contact's stiffness, with theory's limit.
+
+A cell is a run with a verdict from its trajectory alone. Theory knows the limit omega h of a step h at a
+contact's frequency omega.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import NullLocator
+
+from reports.look import BLACK, RC, WIDTH_IN, listed
+from reports.page import MOST, Chapter, Claim, Figure, Table
+from reports.results import FloatArray, Studies, with_columns
+
+#: The verdicts, their places the column ``verdict_severity``: from growth on a run is no longer stable.
+VERDICTS = ("accurate", "inaccurate", "energy-growing", "diverged", "timed out", "refused")
+GROWING, DIVERGED, REFUSED = 2, 3, 5
+#: What a run was that could not say so itself, by its status.
+BY_STATUS = {"timed out": 4, "unsupported": REFUSED}
+#: Colour and letter of each verdict, in their order. Lightness falls with severity, so that greyscale keeps
+#: the order; what was refused is no worse than anything, so white.
+LOOKS = (
+    ("#F3F1E4", "·"),
+    ("#F2C46D", "I"),
+    ("#D27328", "G"),
+    ("#8A1C1C", "D"),
+    ("#20122E", "T"),
+    ("#FFFFFF", "R"),
+)
+STIFFNESS, FREQUENCY, LIMIT = "contact_stiffness_N_m1_5", "impact_frequency_rad_s", "limit_frequency_step"
+#: Panels in a row.
+ACROSS = 3
+#: Theory's line, seen on light cells and dark ones.
+LINE: dict[str, Any] = {
+    "color": BLACK,
+    "linewidth": 1.6,
+    "path_effects": [withStroke(linewidth=3.4, foreground="white")],
+}
+#: The numbers of an accurate run, with the columns of their bounds.
+BOUNDED = {
+    "energy_gain_per_impact": "energy_bound_per_impact",
+    "energy_loss_per_impact": "energy_bound_per_impact",
+    "constraint_violation_per_clearance": "constraint_bound_per_clearance",
+    "position_error_per_clearance": "position_bound_per_clearance",
+}
+INTRODUCTION = (
+    "The map shows where a step is too long for a contact without loss, beside the limit of linear theory. "
+    "Each cell is a run of a crank-slider through its first impacts, with a verdict from its trajectory."
+)
+
+
+def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
+    """Yield whose runs gain energy, what accurate means, checked, the map, and where growth begins."""
+    cells = prepared(studies["stability"].rows)
+    yield growing(cells)
+    yield accurate(cells)
+    title = "From which step on are runs unstable?"
+    caption = "A cell is a run; dark is bad. Right of the black line a step is beyond theory's limit."
+    columns = ["label", STIFFNESS, "step_s", "verdict", "verdict_reason"]
+    yield Figure(
+        "stability-map", title, caption, "stability", draw_map(cells), with_columns(cells, *columns)[columns]
+    )
+    yield boundaries(cells)
+
+
+def prepared(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the study's rows with every column that is looked for, ``severity`` and ``grows``.
+
+    The first is the place of a cell's verdict, the second whether it gains energy or diverges.
+    """
+    rows = with_columns(rows, LIMIT, "method", "verdict_severity", "mean_step_s")
+    by_status = rows["status"].map(BY_STATUS).fillna(DIVERGED)
+    severity = rows["verdict_severity"].fillna(by_status).astype(int)
+    return rows.assign(severity=severity, grows=severity.between(GROWING, REFUSED, inclusive="left"))
+
+
+def growing(cells: pd.DataFrame) -> Claim:
+    """Return whose runs never gain energy in the map, and whose do most often."""
+    of_label = cells.groupby("label", observed=True)["grows"]
+    part, runs = of_label.mean(), of_label.size()
+    calm, worst = list(part.index[part == 0]), part.idxmax()
+    never = f"No run of {listed(calm)} gains energy beyond its bound or diverges. " if calm else ""
+    text = f"{never}{worst} does so most often: in {{part}} of {{runs}} runs."
+    return Claim(
+        "energy-growth", text, {"part": (100 * float(part.max()), "%"), "runs": (int(runs[worst]), "")}
+    )
+
+
+def accurate(cells: pd.DataFrame) -> Claim:
+    """Return what the verdict accurate means, checked on every cell that has it."""
+    called, bounds = with_columns(cells[cells["severity"] == 0], *BOUNDED), cells.iloc[0]
+    # A number that is missing, for it was not finite, is within no bound.
+    held = all((called[name] <= bounds[bound]).all() for name, bound in BOUNDED.items())
+    text = (
+        "{called} of {runs} runs in the map are called accurate: energy is balanced within {energy} of the "
+        "first impact's, gaps of ideal joints are within {constraint} of the clearance. The slider is within "
+        "{position} of the clearance through {impacts} impacts."
+    )
+    numbers: dict[str, tuple[Any, ...]] = {"called": (len(called), ""), "runs": (len(cells), "")}
+    numbers |= {bound.split("_")[0]: (100 * bounds[bound], "%") for bound in BOUNDED.values()}
+    numbers |= {"impacts": (bounds["compared_impacts"], "")}
+    return Claim("accurate", text, numbers, held and bool((called["status"] == "ok").all()))
+
+
+def map_rows(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of a configuration's map, by rising stiffness: omega h of the first impact.
+
+    ``growth`` is where energy growth, or worse, begins: the geometric mean of the longest step up to which
+    there is none and the next one, or the shortest step if it is there already, NaN if it never is.
+    ``divergence`` is the same for divergence, or worse. ``accurate`` is the longest step up to which every
+    run is accurate, NaN if not even the shortest is.
+    """
+    cells = cells.assign(x=cells["step_s"] * cells[FREQUENCY]).sort_values("x")
+    begins = []
+    for _, row in cells.groupby(STIFFNESS):
+        held = row["x"][row["severity"].eq(0).cumprod().astype(bool)]
+        begins.append((_begins(row, GROWING), _begins(row, DIVERGED), held.max()))
+    return pd.DataFrame(begins, columns=["growth", "divergence", "accurate"])
+
+
+def _begins(row: pd.DataFrame, worst: int) -> float:
+    """Return where a severity is first met in a row of a map."""
+    there = row["severity"].between(worst, REFUSED, inclusive="left")
+    if not there.any():
+        return math.nan
+    first = int(there.to_numpy().argmax())
+    return math.sqrt(row["x"].iloc[max(first - 1, 0)] * row["x"].iloc[first])
+
+
+def boundaries(cells: pd.DataFrame) -> Table:
+    """Return where growth and divergence begin, as omega h and as multiples of theory's limit."""
+    lines = []
+    for label, of in cells.groupby("label", observed=True):
+        limit, begins = float(of[LIMIT].iloc[0]), map_rows(of)
+        line: dict[str, Any] = {"configuration": label, "theory ωh": limit}
+        numbers = {"growth from ωh": begins["growth"], "growth per theory": begins["growth"] / limit}
+        numbers |= {"divergence from ωh": begins["divergence"], "accurate up to ωh": begins["accurate"]}
+        for name, values in numbers.items():
+            line |= {name: values.min(), f"{name}{MOST}": values.max()}
+        lines.append(line | {"of stiffnesses": f"{begins['growth'].notna().sum()} of {len(begins)}"})
+    title = "Where growth and divergence begin"
+    caption = (
+        "Least and largest over the stiffnesses, and at how many of these growth was seen. ω is the first "
+        "impact's; the limit is of linear theory."
+    )
+    formats = {"theory ωh": "{:.4f}".format}
+    return Table("stability-boundaries", title, caption, "stability", pd.DataFrame(lines), formats)
+
+
+def draw_map(rows: pd.DataFrame) -> Drawing:
+    """Return the figure of the map from its cells, a panel for each label among them."""
+    configurations = list(rows.groupby("label", observed=True))
+    down = math.ceil(len(configurations) / ACROSS)
+    steps, values = (np.unique(rows[name]) for name in ("step_s", STIFFNESS))
+    with mpl.rc_context(RC):
+        drawing = Drawing(figsize=(WIDTH_IN, 1.95 * down + 0.8))
+        for place, (label, of_label) in enumerate(configurations):
+            ax = drawing.add_subplot(down, ACROSS, place + 1)
+            _draw_cells(ax, of_label, steps, values)
+            limit = float(of_label[LIMIT].iloc[0])
+            if not math.isnan(limit):
+                _draw_limit(ax, of_label, limit)
+            ax.set_title(f"{label}\n{_limit_in_words(of_label, limit)}", fontsize=8)
+            left, bottom = place % ACROSS == 0, place + ACROSS >= len(configurations)
+            ax.set_yticks(values, [_short(value) for value in values] if left else [""] * len(values))
+            ax.yaxis.set_minor_locator(NullLocator())
+            ax.set_ylabel("stiffness [N/m$^{1.5}$]" if left else "", fontsize=8)
+            ax.set_xlabel("step, or longest step [s]" if bottom else "")
+            if not bottom:
+                ax.set_xticklabels([])
+        handles: list[Patch | Line2D] = []
+        for severity in sorted(rows["severity"].unique()):
+            (colour, letter), name = LOOKS[severity], VERDICTS[severity]
+            look: dict[str, Any] = {"facecolor": colour, "edgecolor": "#595959", "linewidth": 0.5}
+            handles.append(Patch(label=f"{letter}  {name}", **look))
+        handles.append(Line2D([], [], label="linear limit at the first impact", **LINE))
+        drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=7.5)
+    return drawing
+
+
+def _limit_in_words(rows: pd.DataFrame, limit: float) -> str:
+    """Return theory's limit on a configuration's steps, or that it chooses them or has none."""
+    if not math.isnan(limit):
+        return f"linear limit ωh = {limit:.3g}"
+    return "no limit" if rows["method"].notna().any() else "shortens steps"
+
+
+def _draw_cells(ax: Axes, rows: pd.DataFrame, steps: FloatArray, values: FloatArray) -> None:
+    """Draw a configuration's cells: ``steps`` (n,) across and ``values`` (m,) of the stiffness up."""
+    grid = rows.pivot_table(index=STIFFNESS, columns="step_s", values="severity", aggfunc="last")
+    grid = grid.reindex(index=values, columns=steps).to_numpy(dtype=float)
+    ax.set(xscale="log", yscale="log")
+    ax.grid(False)
+    colours = ListedColormap([colour for colour, _ in LOOKS])
+    scale: dict[str, Any] = {"cmap": colours, "vmin": -0.5, "vmax": len(LOOKS) - 0.5}
+    cells = np.ma.masked_invalid(grid)
+    ax.pcolormesh(_edges(steps), _edges(values), cells, edgecolors="white", linewidth=0.4, **scale)
+    size = 7.0 if len(steps) <= 8 else 4.5
+    for (row, column), severity in np.ndenumerate(grid):
+        if not math.isnan(severity):
+            colour = "white" if DIVERGED <= severity < REFUSED else BLACK
+            place: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size, "color": colour}
+            ax.text(steps[column], values[row], LOOKS[int(severity)][1], **place)
+
+
+def _edges(centres: FloatArray) -> FloatArray:
+    """Return the borders between values (n,), halfway on a logarithmic axis, (n + 1,)."""
+    logs = np.log(centres)
+    gaps = np.diff(logs) if len(logs) > 1 else np.array([1.0])
+    inner = logs[:-1] + gaps[: len(logs) - 1] / 2
+    return np.asarray(np.exp(np.concatenate([[logs[0] - gaps[0] / 2], inner, [logs[-1] + gaps[-1] / 2]])))
+
+
+def _draw_limit(ax: Axes, rows: pd.DataFrame, limit: float) -> None:
+    """Draw the step at which omega h is the limit, omega the first impact's, across all rows of the map."""
+    frequency = rows.groupby(STIFFNESS)[FREQUENCY].last()
+    values = frequency.index.to_numpy()
+    logs = np.log(limit / frequency.to_numpy())
+    ends = _edges(values)[[0, -1]]
+    slope = np.gradient(logs, np.log(values)) if len(values) > 1 else np.zeros(1)
+    first = logs[0] + slope[0] * np.log(ends[0] / values[0])
+    last = logs[-1] + slope[-1] * np.log(ends[1] / values[-1])
+    bounds = ax.get_xlim(), ax.get_ylim()
+    ax.plot(np.exp([first, *logs, last]), [ends[0], *values, ends[1]], **LINE)
+    ax.set(xlim=bounds[0], ylim=bounds[1])
+
+
+def _short(value: float) -> str:
+    """Return 0.02, 1250 or 6.6e+10 as it is written at an axis."""
+    if 1e-3 <= value < 1e5:
+        return f"{value:g}"
+    digits, power = f"{value:.1e}".split("e")
+    return f"${digits}\\cdot 10^{{{int(power)}}}$"
+
+
+CHAPTER = Chapter("stability", "Stability", ("stability",), INTRODUCTION, parts)

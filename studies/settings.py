@@ -1,0 +1,212 @@
+"""The scenes that accuracy and cost share, and every engine's settings on them, from cheap to accurate.
+
+The quick set leaves out configurations that are at no error the cheapest of their engine. On scenes with
+clearance all sets leave out SciPy's calls without events, and Exudyn's RK44.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from engine_models import arms
+from engine_models.arms import Arm, Setting
+from engine_models.engine import FloatArray
+from engine_models.mechanics.crank_motion import expected_speeds_rad_s
+from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
+from studies.judges.converged_truth import GRID, converged
+
+#: How far scenes with clearance are followed in s: to the horizon (see ``converged_truth.followed``), where
+#: they have one. What settles to continuous contact has none in ten revolutions and is followed for three;
+#: the pendulum for half a swing to either side.
+END_S = {
+    "clearance-driven-0.5mm": 0.029,
+    "clearance-driven-0.1mm": 0.033,
+    "clearance-driven-0.02mm": 0.036,
+    "clearance-driven-damped": 0.036,
+    "clearance-driven-A": 0.021,
+    "clearance-driven-AB": 0.01,
+    "clearance-free-0.5mm": 0.071,
+    "clearance-free-OAB": 0.04,
+    "clearance-pendulum": 0.3,
+    "clearance-start-up": 0.1,
+    "clearance-compressor": 0.052,
+    "rigid-driven-0.5mm": 0.026,
+    "rigid-driven-damped": 0.036,
+    "rigid-free-0.5mm": 0.29,
+    "rigid-pendulum": 0.3,
+    "rigid-start-up": 0.05,
+    "rigid-compressor": 0.084,
+}
+#: The same of rigid walls in studies: to where bounces first accumulate, which coarse settings have sooner.
+#: With damping they do so at once.
+BEFORE_REST_S = {
+    "rigid-driven-0.5mm": 0.006,
+    "rigid-free-0.5mm": 0.07,
+    "rigid-pendulum": 0.11,
+    "rigid-start-up": 0.008,
+    "rigid-compressor": 0.0075,
+}
+QUICK = ("ideal-free", "ideal-driven", "clearance-free-0.5mm", "clearance-driven-0.5mm", "rigid-free-0.5mm")
+
+#: What Pymunk's sweeps may leave of an open joint, ideal and with compliant contacts: the fewest sweeps that
+#: cost no accuracy leave so much. Under a drive that is neither free nor a torque, forces of the first steps
+#: are of order 1 by what sweeps leave: with 0.42 of ideal-driven torques are off by 30 times as much.
+LEFT_IDEAL, LEFT_DRIVEN, LEFT_LOOSE = 0.42, 1 / 50, 1 / 8
+
+#: How often the longest step is halved, or the exponents of the tolerance, of every configuration in the
+#: quick set and in the full one: on ideal joints, with compliant contacts, between rigid walls. Those of the
+#: quick set are around an error of 1 um.
+Series = Mapping[Arm, tuple[Sequence[int], Sequence[int]]]
+IDEAL: Series = {
+    arms.PROJECTION: ((0, 1, 2, 4), range(8)),
+    arms.NO_STABILISATION: ((), range(8)),
+    arms.BAUMGARTE: ((), range(8)),
+    arms.REFERENCE_DOP853: ((6, 8, 10), range(4, 14)),
+    arms.TRAPEZOIDAL: ((1, 4, 7), range(8)),
+    arms.GENERALIZED_ALPHA: ((1, 4, 7), range(8)),
+    arms.TUNED: ((0, 2, 4, 6), range(7)),
+    arms.OUT_OF_THE_BOX: ((), range(7)),
+    arms.ODE: ((5, 7, 9), range(5, 14)),
+    arms.ODEINT: ((), range(5, 14)),
+    arms.RADAU: ((), range(5, 12)),
+}
+COMPLIANT: Series = {
+    arms.LOCATED: ((1, 3, 5), range(9)),
+    arms.LOCATED_ALONE: ((), range(9)),
+    arms.PLAIN: ((), range(6)),
+    arms.REFERENCE_DOP853: ((8, 10, 12), range(6, 13)),
+    arms.DOPRI5: ((6, 8, 10), range(4, 12)),
+    arms.WIDE_GAP: ((), range(4, 7)),
+    arms.ODE23: ((), range(4, 7)),
+    arms.TRAPEZOIDAL: ((), range(5)),
+    arms.AS_THE_SCENE: ((), range(7)),
+    arms.SHORTER_IN_CONTACT: ((1, 3, 5), range(8)),
+    arms.NATIVE_CONTACT: ((), range(5)),
+    arms.SCIPY_DOP853: ((8, 10, 12), range(6, 13)),
+    arms.LSODA: ((), range(5, 13)),
+}
+RIGID: Series = {
+    arms.LOCATED: ((0, 2, 4), range(7)),
+    arms.REFERENCE_DOP853: ((6, 10), range(6, 13, 2)),
+    arms.NATIVE_CONTACT: ((1, 3), range(6)),
+    arms.SCIPY_DOP853: ((6, 10), range(6, 13, 2)),
+}
+#: The same of an engine that the catalogue does not know.
+NEWCOMER = ((0, 2, 4), range(7))
+#: Steps of those with contacts, in parts of one that resolves them: three thousand a revolution. Who ends
+#: a step on every touch takes longer ones in flight.
+CONTACT_STEPS = {arms.LOCATED: 30.0, arms.LOCATED_ALONE: 30.0, arms.SHORTER_IN_CONTACT: 4.0}
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A configuration at some longest step, with settings ``added`` that its series sets."""
+
+    arm: Arm
+    step_s: float
+    added: Mapping[str, Setting] = field(default_factory=dict)
+
+
+def scenes(full: bool) -> list[AnyScene]:
+    """Return the scenes of accuracy and cost, those with clearance cut to the time that is followed."""
+    library = {**IDEAL_SCENES, **CLEARANCE_SCENES, **RIGID_SCENES}
+    ends = {**END_S, **BEFORE_REST_S}
+    made = [library[name]() for name in ((*IDEAL_SCENES, *END_S) if full else QUICK)]
+    return [scene.model_copy(update={"end_time_s": ends.get(scene.name, scene.end_time_s)}) for scene in made]
+
+
+def ladder(scene: AnyScene, full: bool) -> list[Rung]:
+    """Return the settings of all configurations for a scene.
+
+    On ideal joints steps begin with fifty a revolution. Exudyn's DOPRI5 accepts a step that overflows: its
+    longest is a twentieth of a revolution, which it seldom takes.
+    """
+    out: list[Rung] = []
+    for arm, (quick, every) in _series(scene).items():
+        added = _added(scene, arm)
+        places = every if full else quick
+        if arm.tolerances:
+            longest = 150 * contact_step_s(scene) if arm.engine == "exudyn" else scene.end_time_s
+            out += by_tolerance(arm, longest, places, **added)
+        else:
+            out += by_step(arm, _longest_s(scene, arm), places, **added)
+    return out
+
+
+def configurations(scene: AnyScene) -> list[Arm]:
+    """Return the configurations of the quick set."""
+    return [arm for arm, (quick, _) in _series(scene).items() if quick]
+
+
+def by_step(arm: Arm, longest_s: float, halvings: Iterable[int], **added: Setting) -> list[Rung]:
+    """Return a series of steps: the longest one halved so many times each."""
+    return [Rung(arm, longest_s / 2**k, added) for k in halvings]
+
+
+def by_tolerance(arm: Arm, longest_s: float, exponents: Iterable[int], **added: Setting) -> list[Rung]:
+    """Return a series of tolerances 10^-k at the same longest step."""
+    return [Rung(arm, longest_s, {**added, **dict.fromkeys(arm.tolerances, 10.0**-k)}) for k in exponents]
+
+
+def _series(scene: AnyScene) -> Series:
+    others = dict.fromkeys(arms.newcomers(), NEWCOMER)
+    if not scene.joints_with_clearance:
+        return {**others, **IDEAL}
+    return {**others, **(RIGID if _between_rigid_walls(scene) else COMPLIANT)}
+
+
+def _added(scene: AnyScene, arm: Arm) -> dict[str, Setting]:
+    """Return what the studies set beside the step, such as Exudyn's build without range checks."""
+    if arm.engine == "exudyn":
+        return {"fast": True}
+    if arm == arms.TUNED:
+        return {"sweeps_leave": LEFT_IDEAL if scene.driven_by.kind in ("free", "torque") else LEFT_DRIVEN}
+    if arm == arms.SHORTER_IN_CONTACT:
+        return {"sweeps_leave": LEFT_LOOSE}
+    if arm in (arms.LOCATED, arms.LOCATED_ALONE) and not _between_rigid_walls(scene):
+        return {"steps_per_contact": 50.0}  # as much error there as its steps leave in flight
+    return {}
+
+
+def _longest_s(scene: AnyScene, arm: Arm) -> float:
+    """Return the longest step of a configuration with fixed steps."""
+    if not scene.joints_with_clearance:
+        longest = scene.end_time_s / (50 * turns_of(scene))
+        return longest / 4 if arm.engine == "pymunk" else longest
+    return CONTACT_STEPS.get(arm, 0.5 if arm.engine == "pymunk" else 1.0) * contact_step_s(scene)
+
+
+def turns_of(scene: AnyScene) -> float:
+    """Return how often the crank, or what turns, may turn round by its fastest speed; once at least."""
+    return max(1.0, scene.end_time_s * _fastest_rad_s(scene) / (2 * np.pi))
+
+
+def speeds_rad_s(scene: AnyScene) -> FloatArray:
+    """Return the speed of the crank or of the turning body, or the fastest body's, at equal intervals, (n,).
+
+    Of a plain crank-slider it is the drive's or else the start's, of others that of the true motion.
+
+    Raises:
+        UnsupportedScene, SimulationFailed: there is no true motion.
+    """
+    if isinstance(scene, Scene) and scene.is_plain:
+        return expected_speeds_rad_s(scene)
+    spins = converged(scene, GRID)[0].velocity[:, :, 2]
+    return np.abs(spins).max(axis=1) if scene.turning_body is None else spins[:, scene.turning_body]
+
+
+def _fastest_rad_s(scene: AnyScene) -> float:
+    return float(np.abs(speeds_rad_s(scene)).max())
+
+
+def contact_step_s(scene: AnyScene) -> float:
+    """Return a step that just resolves contacts: three thousand a revolution."""
+    return 2 * np.pi / (3000 * max(_fastest_rad_s(scene), 20.0))
+
+
+def _between_rigid_walls(scene: AnyScene) -> bool:
+    """Return whether every joint with clearance has a rigid wall."""
+    return all(room.law == "rigid" for room in scene.clearances.values())

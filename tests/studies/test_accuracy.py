@@ -1,0 +1,115 @@
+"""The study of accuracy: what their rows say of runs whose errors are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine_models.arms import Arm
+from engine_models.engine import RunSettings
+from engine_models.mechanics.assembly import start_state, started_from
+from engine_models.scene.library import CLEARANCE_SCENES
+from engine_models.scene.scene import Clearances, Scene
+from studies import accuracy, cost, settings
+from studies.case import Case, run_case
+from studies.judges.converged_truth import (
+    INDEPENDENT,
+    REFERENCE,
+    converged,
+    cross_check,
+    reach,
+    truth_by,
+)
+
+#: The first two impacts of set R and some flight.
+END_S, SAMPLES = 0.0007, 28
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return CLEARANCE_SCENES["clearance-driven-0.5mm"]().model_copy(update={"end_time_s": END_S})
+
+
+def case(scene: Scene, engine: str, step_s: float, **given: float | str | bool) -> Case:
+    return Case("accuracy", scene, Arm(engine, "arm", given), RunSettings(step_s, SAMPLES))
+
+
+def test_the_truth_is_independent_and_confirmed_by_another_method_and_by_the_reference(scene: Scene) -> None:
+    truth, repeats = converged(scene, SAMPLES)
+    assert truth_by(scene, SAMPLES) == INDEPENDENT
+    apart = max(np.abs(t.position[:, -1, 0] - truth.position[:, -1, 0]).max() for t in repeats)
+    assert apart < 1e-13, f"{apart:.1e} m"  # both converge to 1e-15 m here
+    other = cross_check(scene, SAMPLES).position[:, -1, 0]
+    assert np.abs(other - truth.position[:, -1, 0]).max() < 1e-11
+    assert reach(scene, truth, repeats) == SAMPLES + 1
+
+
+def test_what_has_no_independent_solution_is_told_to_be_the_references(scene: Scene) -> None:
+    """Its pin stands in the rigid wall as the run begins."""
+    assert scene.clearance.B is not None
+    unset = {"law": "rigid", "young_modulus_Pa": None, "poisson_ratio": None}
+    walled = Clearances(B=scene.clearance.B.model_copy(update=unset))
+    position, velocity = start_state(scene)
+    position[2, 0] += scene.clearance.B.radial_clearance_m * (1 + 1e-15)
+    begun = started_from(scene.model_copy(update={"clearance": walled}), position, velocity)
+    assert truth_by(begun, SAMPLES) == REFERENCE
+
+
+def test_pointwise_comparison_ends_where_the_repeats_part(scene: Scene) -> None:
+    truth, _ = converged(scene, SAMPLES)
+    position = truth.position.copy()
+    position[10:, 2, 0] += 1e-7
+    assert reach(scene, truth, (replace(truth, position=position),)) == 10
+
+
+def test_a_finer_run_is_closer_and_matches_all_impacts(scene: Scene) -> None:
+    coarse, fine = (run_case(case(scene, "reference", step))[0] for step in (2e-5, 5e-6))
+    for row in (coarse, fine):
+        assert row["status"] == "ok"
+        assert (row["impacts_matched"], row["impacts_unmatched"], row["impacts_missed"]) == (2, 0, 0)
+    for name in ("slider_position_error_m", "impact_time_error_s"):
+        before, after = coarse[name], fine[name]
+        assert isinstance(before, float)
+        assert isinstance(after, float)
+        assert after < before / 16, f"{name}: {before:.1e} then {after:.1e}"
+
+
+def test_an_engine_with_a_law_of_its_own_is_judged_by_that_law(scene: Scene) -> None:
+    row, _ = run_case(case(scene, "pymunk", 1e-6, contact="rigid"))
+    form, error = row["slider_position_model_difference_m"], row["slider_position_error_m"]
+    assert isinstance(form, float)
+    assert isinstance(error, float)
+    assert error < form / 4, f"numerical {error:.1e} m, model form {form:.1e} m"
+
+
+def test_a_timed_run_takes_the_steps_and_settings_of_a_recorded_one() -> None:
+    recorded, timed = (
+        {(c.scene.name, c.engine, c.arm, c.run.step_used_s(c.scene.end_time_s), str(c.added)) for c in cases}
+        for cases in (
+            [case for case in accuracy.cases(False) if "view" not in case.columns],
+            cost.cases(False),
+        )
+    )
+    assert timed == recorded
+
+
+def test_settings_are_of_every_engine_and_on_rigid_scenes_only_of_those_that_know_rigid_walls() -> None:
+    engines = {"reference", "exudyn", "pymunk", "scipy"}
+    for scene in (CLEARANCE_SCENES["clearance-pendulum"](), settings.scenes(False)[0]):
+        quick, every = ({str(each) for each in settings.ladder(scene, full)} for full in (False, True))
+        assert quick < every
+        assert {setting.arm.engine for setting in settings.ladder(scene, full=False)} == engines
+    rigid = settings.scenes(True)[-1]
+    assert {setting.arm.engine for setting in settings.ladder(rigid, full=True)} == engines - {"exudyn"}
+
+
+def test_the_impact_touches_when_and_presses_as_hard_as_the_converged_one() -> None:
+    """The first touch of set R in s and its peak in N, by an independent solver to the digits given."""
+    shown = next(c for c in accuracy.cases(False) if "view" in c.columns and c.engine == "scipy")
+    _, curves = run_case(shown)
+    time_s, depth = curves["time_s"], curves["contact_B_penetration_m"]
+    after = int(np.argmax(depth >= 0))
+    assert time_s[after - 1] < 0.000227285 * (1 + 1e-6)
+    assert time_s[after] > 0.000227285 * (1 - 1e-6)
+    for peak in (curves["contact_B_normal_force_N"].max(), curves["true_contact_B_normal_force_N"].max()):
+        assert peak == pytest.approx(45870.0, rel=1e-3)

@@ -1,0 +1,128 @@
+"""The cost study's rounds: each times every rung, in an order of its own that comes out again."""
+
+from dataclasses import replace
+from itertools import count
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from engine_models import arms
+from engine_models.engine import BareRun
+from engine_models.engines import make_engine
+from studies import cost
+from studies.accuracy import case_of
+from studies.case import Row, run_case
+from studies.settings import ladder, scenes
+
+
+def test_every_round_times_the_same_rungs_in_an_order_of_its_own() -> None:
+    rounds: dict[object, list[str]] = {}
+    for case in cost.cases(full=False):
+        if "round" in case.columns:
+            columns = {name: value for name, value in case.head().items() if name != "round"}
+            rounds.setdefault(case.columns["round"], []).append(str(columns))
+    assert len(rounds) == cost.ROUNDS
+    first, *others = rounds.values()
+    assert all(set(order) == set(first) for order in others)
+    assert len({tuple(order) for order in rounds.values()}) == len(rounds)
+    one, again = ([case.key for case in cost.cases(full=False)] for _ in range(2))
+    assert one == again, "which comes out again"
+
+
+END = np.zeros((3, 3))
+
+
+class Timed:
+    """An engine whose bare runs take these times."""
+
+    def __init__(self, *times_s: float) -> None:
+        self.times_s = iter(times_s)
+
+    def simulate(self, *_: object) -> SimpleNamespace:
+        return SimpleNamespace(position=END[None])
+
+    def bare_run(self, *_: object) -> BareRun:
+        return BareRun(next(self.times_s), END)
+
+
+def rounds_of(monkeypatch: pytest.MonkeyPatch, repeats: int, rounds: int, *times_s: float) -> list[Row]:
+    """Return the rows of rounds of so many repeats each of a setting whose bare runs take these times."""
+    engine = Timed(*times_s)
+    monkeypatch.setattr(cost, "make_engine", lambda *_, **__: engine)
+    monkeypatch.setattr(cost, "REPEAT_S", 1e9)
+    monkeypatch.setattr(cost, "REPEATS", repeats)
+    timed = next(case for case in cost.cases(full=False) if "round" in case.columns)
+    return [cost.measure(timed)[0] for _ in range(rounds)]
+
+
+def test_a_round_is_timed_by_its_least_repeat_and_again_if_it_is_slower_than_one_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Slower by more than 1.3 times, and three times at the most; more than a second is timed once."""
+    (row,) = rounds_of(monkeypatch, 5, 1, 0.09, 0.01, 0.05, 0.02, 0.02)
+    assert (row["solve_time_s"], row["repeats"]) == (0.01, 5)
+    times_s = (0.10, 0.129, 0.131, 0.14, 0.12, 0.2, 0.15, 0.18, 0.19, 0.05)
+    rows = rounds_of(monkeypatch, 1, 5, *times_s)
+    assert [row["solve_time_s"] for row in rows] == [0.10, 0.129, 0.12, 0.15, 0.05]
+    assert [row["repeats"] for row in rows] == [1, 1, 3, 4, 1]
+    first, second = rounds_of(monkeypatch, 1, 2, 1.01)
+    assert (first["solve_time_s"], second) == (1.01, {"repeats": 0})
+
+
+@pytest.mark.parametrize(
+    ("scene", "off_m", "holds"),
+    [
+        # A clearance of 0.5 mm and a crank of 50 mm: a hundredth of that.
+        ("clearance-free-0.5mm", 4.9e-4, True),
+        ("clearance-free-0.5mm", 5.1e-4, False),
+        ("ideal-free", 4.9e-4, True),
+        ("ideal-free", 5.1e-4, False),
+        ("ideal-free", np.nan, False),
+        ("ideal-free", np.inf, False),
+    ],
+)
+def test_a_timed_run_that_ends_elsewhere_has_failed_and_says_when(
+    scene: str, off_m: float, holds: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One of three bodies is off, in one direction, in the second repeat of three only."""
+    ends, recorded = count(), np.arange(9.0).reshape(3, 3)
+
+    class Drifting:
+        def simulate(self, *_: object) -> SimpleNamespace:
+            return SimpleNamespace(position=recorded[None])
+
+        def bare_run(self, *_: object) -> BareRun:
+            end = recorded.copy()
+            end[1, 1] += off_m if next(ends) == 1 else 0.0
+            return BareRun(1.0, end)
+
+    engine = Drifting()
+    monkeypatch.setattr(cost, "make_engine", lambda *_, **__: engine)
+    monkeypatch.setattr(cost, "REPEATS", 3)
+    monkeypatch.setattr(cost, "REPEAT_S", 1e9)
+    timed = next(c for c in cost.cases(False) if c.timed and c.scene.name == scene)
+    row, _ = run_case(timed)
+    if holds:
+        assert (row["status"], row["repeats"]) == ("ok", 3)
+        assert row["end_apart_m"] == pytest.approx(off_m)
+    else:
+        what = f"off by {off_m:.3g} m from the recorded run's" if np.isfinite(off_m) else "not finite"
+        assert (row["status"], row["exception"]) == ("failed", "SimulationFailed")
+        assert row["reason"] == f"the timed run's end at t = {timed.scene.end_time_s:.6g} s is {what}"
+
+
+@pytest.mark.parametrize("safety", [0.9, 0.8])
+def test_a_timed_run_of_exudyn_that_overflows_has_failed(safety: float) -> None:
+    """DOPRI5 at 1e-7, by Exudyn's own safety factor and by the one that is the default here.
+
+    Exudyn reports success, with coordinates that are not finite.
+    """
+    scene = next(scene for scene in scenes(False) if scene.name == "clearance-free-0.5mm")
+    added = {"step_tolerance": 1e-7, "step_safety": safety}
+    rung = next(r for r in ladder(scene, False) if r.arm is arms.DOPRI5)
+    case = case_of("cost", scene, replace(rung, added=added), 1, timed=True)
+    bare = make_engine("exudyn", **case.settings).bare_run(scene, case.run)
+    row, _ = run_case(case)
+    assert np.isfinite(bare.position).all() == (row["status"] == "ok") == (safety == 0.8)
+    assert row["status"] == "ok" or "non-finite state at t = 0.0" in str(row["reason"])
