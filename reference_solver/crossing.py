@@ -32,7 +32,7 @@ def crossed(kernel: Kernel, run: Run, h: float) -> bool:
     """
     (now,), (control,), (n, y, _) = run.clock, run.control, run.old
     weight = np.tile([1 / control["length"], 1 / control["length"], 1.0], n // 3)
-    weight, turned = np.concatenate([weight, weight / control["rate"]]), float(control["rate"]) * h
+    weight, turned = np.concatenate([weight, weight / control["rate"]]), control["rate"] * h
     best, end, together = turned**4 + AMPLIFIED, None, 0
     for steps in TOGETHER:
         ways = product(SPLITTINGS, PIECES)

@@ -27,7 +27,7 @@ from reference_solver.mechanism.loads import LOADS, Forces, integrated, power_of
 from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
-from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, named, smaller, sqrt
+from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, smaller, sqrt
 
 #: Phase and memory of every contact, (K, 2); None where all are in flight.
 Phases = Array | None
@@ -207,12 +207,11 @@ class Equations:
         """Return {q''} = {A}, {lambda} and powers, equations (3)-(10)."""
         system = self.system(t, q, v)
         F, powers, friction = self.forces(t, q, v, phases)
-        factors = self.factors(named("B", system.B, "(1) [B]"))
+        factors = self.factors(system.B)  # (1) [B]
         right, removed = system.C_dot - system.B_dot_v, 0.0
         if self._baumgarte is not None:
             right, removed = self._fed_back(self._baumgarte, system, v, factors, right)
-        A, lambda_ = factors.solve(F, named("h", right, "(4) right-hand side"))
-        A, lambda_ = named("a", A, "(9), (10)"), named("lambda", lambda_, "(7), (8)")
+        A, lambda_ = factors.solve(F, right)  # (4), then (7) to (10)
         ok, damper = factors.ok, 0.0
         if self.rubbing:
             effect = rubbed(self.rubbing, State(q, v), factors, lambda_)
@@ -224,7 +223,7 @@ class Equations:
             powers[f"normal{k}"] = -(self.mechanism.contacts[k].radial_clearance_m * lambda_[row])
         powers["drivers"] = lambda_ @ system.C
         condition = larger(factors.condition, self._lightness)
-        condition = named("condition", choose(ok, condition, math.inf))
+        condition = choose(ok, condition, math.inf)
         return Answer(A, lambda_, powers, friction, removed, damper, condition)
 
     def _fed_back(
@@ -239,8 +238,8 @@ class Equations:
         The other multipliers' power on the violation, {lambda}^T g', is not counted. It pays for a violation
         that RK4's error has put in without work, and with it the ledger's residual is larger, not smaller.
         """
-        drift = named("drift", system.B @ v - system.C, "Baumgarte's feedback")
-        feedback = named("feedback", 2 * gains.alpha_s * drift + gains.beta_s * gains.beta_s * system.g)
+        drift = system.B @ v - system.C
+        feedback = 2 * gains.alpha_s * drift + gains.beta_s * gains.beta_s * system.g
         _, multipliers = factors.solve(np.zeros(self.n), drift)
         return right - feedback, multipliers @ feedback
 
@@ -343,10 +342,10 @@ class Equations:
         are constant, else but for terms quadratic in the move, which is itself of order h^5.
         """
         system = self.system(t, q, np.zeros(self.n))
-        factors = self.factors(named("B", system.B, "(1) [B]"))
+        factors = self.factors(system.B)
         move, _ = factors.solve(np.zeros(self.n), system.g)
-        removed = -(named("move", move) @ self.stored_force(q, phases))
-        return named("new", q - move, "projection of {q}"), removed, factors.ok
+        removed = -(move @ self.stored_force(q, phases))
+        return q - move, removed, factors.ok
 
     def _project_v(self, t: Scalar, q: Array, v: Array) -> tuple[Array, Scalar, Scalar]:
         """Return q' moved onto the constraints, the energy lost in J, and whether [B] has full row rank.
@@ -355,8 +354,8 @@ class Equations:
         removes, and both have to be counted.
         """
         system = self.system(t, q, v)
-        factors = self.factors(named("B", system.B, "(1) [B]"))
+        factors = self.factors(system.B)
         move, _ = factors.solve(np.zeros(self.n), system.B @ v - system.C)
-        new = named("new", v - move, "projection of {q'}")
+        new = v - move
         removed = sum(m / 2 * ((a - b) * (a + b)) for m, a, b in zip(self.mass, v, new, strict=True))
         return new, removed, factors.ok

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from reference_solver.tape import Array, Scalar, Value, array, both, named, size
+from reference_solver.tape import Array, Scalar, Value, array, both, size
 
 #: Rows left, a constraint among them, at which no quotient waits for another: they are multiplied up instead.
 FEW = 3
@@ -165,8 +165,8 @@ class Factors:
     def _pivot(self, k: int) -> Pivot:
         row = self._taken(k)
         pivot = row.pop(k, 0.0)
-        reciprocal = named(f"r{k}", 0.0 if pivot == 0 else 1.0 / pivot)
-        parts = {i: named(f"l{i}_{k}", x * reciprocal) for i, x in row.items()}
+        reciprocal = 0.0 if pivot == 0 else 1.0 / pivot
+        parts = {i: x * reciprocal for i, x in row.items()}
         is_few = len(row) == len(self._left) < FEW and max(row, default=0) >= self._n
         scale, column = (pivot, row) if is_few and not _is_known(pivot) else (1.0, parts)
         for i in row:

@@ -120,7 +120,7 @@ class Given:
         """Return what a function returns; what it has as a number, it is here too."""
         assert self.called is not None
         results = self.called[name]
-        values = self.h.tape.call(name, [t, *q, *v], [""] * len(results))
+        values = self.h.tape.call(name, [t, *q, *v], len(results))
         return [new if isinstance(x, Value) else x for new, x in zip(values, results, strict=True)]
 
 

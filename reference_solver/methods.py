@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from reference_solver.tape import Array, FloatArray, Scalar, both, larger, named, smaller
+from reference_solver.tape import Array, FloatArray, Scalar, both, larger, smaller
 
 Row = tuple[float, ...]
 
@@ -217,8 +217,8 @@ def step(
     change_v = quadrature(method, h, [stage.answer.accelerations for stage in taken])
     changes, old = np.concatenate([change_q, change_v]), np.concatenate([q, v])
     if lost is not None:
-        changes = named("change", changes + lost)
-    new = named("next", old + changes, "(13)")
+        changes = changes + lost
+    new = old + changes  # (13)
     powers = [stage.answer.powers for stage in taken]
     sums = {name: quadrature(method, h, [power[name] for power in powers]) for name in powers[0]}
     conditions = [stage.answer.condition for stage in taken]

@@ -34,15 +34,12 @@ CONDITIONS = (">", "==", "&", "if")
 class Node:
     """An operation on operands, an input, a call or a branch, or one of the results of these two.
 
-    ``operands`` are values, numbers and strings. A ``known`` node depends on parameters alone. ``name`` and
-    ``equation`` are for the reader.
+    ``operands`` are values, numbers and strings. A ``known`` node depends on parameters alone.
     """
 
     operation: str
     operands: tuple[Any, ...]
     known: bool = False
-    name: str = ""
-    equation: str = ""
 
 
 @dataclass
@@ -76,10 +73,10 @@ class Tape:
         )
         return Value(self, self._node(operation, operands, known))
 
-    def call(self, function: str, arguments: Iterable[Scalar | str], results: list[str]) -> list[Value]:
-        """Return the results, by their names, of another function of the kernel."""
-        node = self._node("call", (function, len(results), *arguments), False)
-        return [Value(self, self._node("result", (node, k), False, name)) for k, name in enumerate(results)]
+    def call(self, function: str, arguments: Iterable[Scalar], results: int) -> list[Value]:
+        """Return so many results of another function of the kernel."""
+        node = self._node("call", (function, results, *arguments), False)
+        return [Value(self, self._node("result", (node, k), False)) for k in range(results)]
 
     def branch(self, condition: Value, body: Callable[[], tuple[Scalar, ...]]) -> tuple[Scalar, ...]:
         """Return what ``body`` returns where the condition holds, zeros elsewhere."""
@@ -93,13 +90,13 @@ class Tape:
             for k, output in enumerate(outputs)
         )
 
-    def _node(self, operation: str, operands: tuple[Any, ...], known: bool, name: str = "") -> Node:
+    def _node(self, operation: str, operands: tuple[Any, ...], known: bool) -> Node:
         marks = [_mark(operand) for operand in operands]
         key = (operation, *(sorted(marks) if operation in "+*" else marks))
         for scope in self.scopes:
             if key in scope.by_key:
                 return scope.by_key[key]
-        node = self.scopes[-1].by_key[key] = Node(operation, operands, known, name)
+        node = self.scopes[-1].by_key[key] = Node(operation, operands, known)
         self.scopes[-1].nodes.append(node)
         self.nodes.append(node)
         return node
@@ -197,16 +194,6 @@ def array(elements: Any) -> Array:
         return np.array(elements, dtype=float)
     except TypeError:
         return np.array(elements, dtype=object)
-
-
-def named(name: str, values: Array, equation: str = "") -> Array:
-    """Return the values, which the code calls by this name and their places, with a line on the equation."""
-    if isinstance(values, float) or np.asarray(values).dtype.kind == "f":
-        return values
-    for place, value in np.ndenumerate(values):
-        if isinstance(value, Value) and not value.node.name and value.node.operation != "input":
-            value.node.name, value.node.equation = name + "_".join(map(str, place)), equation
-    return values
 
 
 def _of_numbers_or_values(name: str, of_numbers: Callable[..., Any], doc: str) -> Callable[..., Scalar]:

@@ -10,11 +10,11 @@ from reference_solver.mechanism.contact_laws import FRICTION_LAWS, NORMAL_LAWS
 from reference_solver.mechanism.loads import Forces, pair
 from reference_solver.mechanism.mechanism import ClearanceJoint
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.tape import Scalar, array, choose, equal, larger, named, sqrt, when
+from reference_solver.tape import Scalar, array, choose, equal, larger, sqrt, when
 
 #: As a part of the clearance: round-off of the penetration.
 LEAST_DEPTH = 1e-12
-#: What a contact's branch computes, as the code names it.
+#: What a contact's branch computes.
 OF_CONTACT = ("force_x", "force_y", "twist_i", "twist_j", "normal", "loss", "clip", "slide", "tangential")
 
 
@@ -64,9 +64,6 @@ def contact_force(
         return (*force, twist_i, twist_j, normal, loss, clip, slide, tangential)
 
     results = when(phase > FLIGHT, closed, len(OF_CONTACT))
-    body = max(joint.body_i, joint.body_j)  # the bearing or the pin may be the ground's
-    for name, value in zip(OF_CONTACT, results, strict=True):
-        named(f"{name}_{body}", value, "contact of a pin in its bearing")
     x, y, twist_i, twist_j, normal, loss, clip, slide, tangential = results
     rates = [normal, loss] + law.clipped * [clip] + (joint.friction is not None) * [slide]
     return pair(bearing, pin, array([x, y]), twist_i, twist_j), rates, tangential
@@ -97,7 +94,7 @@ def gap(
     """
     (bearing, pin), c = ends_of(joint, state), joint.radial_clearance_m
     d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
-    distance, g_rate = named("distance", sqrt(d @ d)), d @ d_dot / c
+    distance, g_rate = sqrt(d @ d), d @ d_dot / c
     depth = distance - c
 
     def closed() -> tuple[Scalar, ...]:

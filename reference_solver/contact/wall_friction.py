@@ -32,7 +32,7 @@ from reference_solver.factorisation import Factors, eliminated
 from reference_solver.mechanism.contact_laws import FRICTION_LAWS, FrictionLaw, steepest
 from reference_solver.mechanism.mechanism import ClearanceJoint
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.tape import Array, Scalar, array, both, larger, named, sqrt
+from reference_solver.tape import Array, Scalar, array, both, larger, sqrt
 
 #: The least part of a normal mobility that friction may leave: below are round-off and forces without bound.
 LEAST_MOBILITY = 1e-9
@@ -68,16 +68,16 @@ def rubbed(pins: list[Rubbing], state: State, factors: Factors, multipliers: Arr
     """Return what friction of these pins changes, from the equations' factors and {lambda} without it."""
     n, rows = len(state.q), [pin.row for pin in pins]
     T = array([_sliding(pin.joint, state, n) for pin in pins])
-    sliding = named("sliding", T @ state.v, "friction of pins that follow")
+    sliding = T @ state.v
     shares = [
         pin.law.coefficient * pin.joint.radial_clearance_m * FRICTION_LAWS[pin.law.kind](pin.law, speed)
         for pin, speed in zip(pins, sliding, strict=True)
     ]
-    s = named("s", array(shares))
+    s = array(shares)
     X, Y = factors.solve(T.T, np.zeros((len(multipliers), len(T))))
     small = np.eye(len(rows)) - s[:, None] * Y[rows]
     tau, pivots = eliminated(small, s * multipliers[rows])
-    lambda_ = multipliers + Y @ named("tau", tau)
+    lambda_ = multipliers + Y @ tau
     ok: Scalar = True
     damper: Scalar = 0.0
     for i, pin in enumerate(pins):

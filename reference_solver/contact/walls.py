@@ -12,7 +12,7 @@ import numpy as np
 
 from reference_solver.mechanism.mechanism import ClearanceJoint, MasslessLink
 from reference_solver.mechanism.points import Point, State, ends_of, speed_row
-from reference_solver.tape import Array, Scalar, array, choose, larger, named, size, sqrt
+from reference_solver.tape import Array, Scalar, array, choose, larger, size, sqrt
 
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.
 ROUND_OFF = 64 * float(np.finfo(float).eps)
@@ -53,7 +53,7 @@ def separation(joint: ClearanceJoint, state: State) -> Separation:
     """Return a joint's separation; a pin at its bearing's very centre has n along +x."""
     (bearing, pin), size_of_q = ends_of(joint, state), len(state.q)
     d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
-    distance = named("distance", sqrt(d @ d))
+    distance = sqrt(d @ d)
     apart = distance > 0.0
     length = choose(apart, distance, 1.0)
     normal = array([choose(apart, d[0] / length, 1.0), d[1] / length])

@@ -90,8 +90,7 @@ class PlacedTable:
 
     def at(self, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Return the function and its first two derivatives on the tape that the place is on."""
-        names = ["s", "c0", "c1", "c2", "c3"]
-        return _cubic(*self.place.tape.call("piece", [self.place, self.pieces, self.period, x], names))
+        return _cubic(*self.place.tape.call("piece", [self.place, self.pieces, self.period, x], 5))
 
 
 def _cubic(s: Scalar, a: Scalar, b: Scalar, c: Scalar, d: Scalar) -> tuple[Scalar, Scalar, Scalar]:

@@ -287,4 +287,4 @@ def test_no_operation_can_be_altered_unseen(of: Callable[[], Written], how: str)
     seen = [found for found in altered.values() if found is not None]
     assert len(seen) > len(altered) / 2, "most alterations alter something"
     unseen = {node: found for node, found in altered.items() if found is not None and found < SEEN}
-    assert not unseen, [(node.operation, node.name, found) for node, found in unseen.items()]
+    assert not unseen, [(node.operation, found) for node, found in unseen.items()]
