@@ -506,6 +506,7 @@ def report(
     quiet: Quiet = False,
 ) -> None:
     """Write the HTML page, its figures as SVG and its tables as CSV from results, and print the answer."""
+    from reports.contents import CHAPTERS
     from reports.page import (
         Contradiction,
         compare_claims,
@@ -524,7 +525,7 @@ def report(
             require_folder(out)
             require_replaceable(out)
             with whole_folder(out) as new:
-                made = write_report(results, new)
+                made = write_report(results, new, CHAPTERS)
     except Contradiction as reason:
         raise Failed(str(reason)) from None
     for note in made.notes:

@@ -172,7 +172,7 @@ class Report:
         yield from map(str, self.made[0].claims)
 
 
-def write_report(results: Path, folder: Path, chapters: Sequence[Chapter] | None = None) -> Report:
+def write_report(results: Path, folder: Path, chapters: Sequence[Chapter]) -> Report:
     """Make the report of the studies in ``results`` in a folder that is new or empty.
 
     That is index.html, findings.json, tables/ and data/ with CSV, and figures/ with SVG.
@@ -182,9 +182,6 @@ def write_report(results: Path, folder: Path, chapters: Sequence[Chapter] | None
         BadInput: a file cannot be read.
         Contradiction: a claim is not true of the results.
     """
-    from reports.contents import CHAPTERS
-
-    chapters = chapters or CHAPTERS
     studies, missing = _read(results, chapters)
     made = tuple(Made.of(each, studies) for each in chapters if studies.keys() >= {*each.studies})
     notes = [f"{name}: {each.note}" for name, each in studies.items() if each.note]

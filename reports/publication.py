@@ -21,6 +21,7 @@ from typing import Any
 
 import pandas as pd
 
+from reports.contents import CHAPTERS
 from reports.page import FINDINGS, Report, write_report
 from reports.results import ENDING, FACTS, head_of
 from studies.registry import STUDIES
@@ -60,7 +61,7 @@ def publish(folder: Path, results: Path) -> None:
     (made / FACTS).write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
     with TemporaryDirectory() as name:
         page = Path(name)
-        report = write_report(made, page)
+        report = write_report(made, page, CHAPTERS)
         shutil.copy(page / FINDINGS, folder)
         _renew(folder / "tables", sorted((page / "tables").glob("*.csv")))
         _renew(folder / "figures", [page / f"figures/{name}.svg" for name in FIGURES])

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from reports.contents import CHAPTERS
 from reports.page import write_report
 
 ROWS = Path(__file__).parents[1] / "rows"
@@ -32,7 +33,7 @@ def heard() -> list[str]:
 @pytest.fixture(scope="module")
 def page(browser: Browser, heard: list[str], tmp_path_factory: pytest.TempPathFactory) -> Page:
     folder = tmp_path_factory.mktemp("report")
-    write_report(ROWS, folder)
+    write_report(ROWS, folder, CHAPTERS)
     page = browser.new_page(viewport={"width": 1440, "height": 900})
     page.on("console", lambda said: heard.append(f"{said.type}: {said.text}"))
     page.on("pageerror", lambda error: heard.append(f"error: {error}"))

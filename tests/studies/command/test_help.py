@@ -99,5 +99,5 @@ def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_pa
         "note: a note\nnote: the report is report/index.html\n",
     )
     assert crankslider("report", "--results", tmp_path, "--out", tmp_path / "r").code == 0
-    assert [results for results, _ in calls] == [Path("results"), tmp_path]
+    assert [results for results, *_ in calls] == [Path("results"), tmp_path]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["r", "report"]
