@@ -10,6 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from reports.contents import CHAPTERS
 from reports.look import axis_label, line_styles, quantity
 from reports.page import (
     HALF_WIDTH,
@@ -40,7 +41,7 @@ ROWS = Path(__file__).parent / "rows"
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("page") / "report"
-    write_report(ROWS, out)
+    write_report(ROWS, out, CHAPTERS)
     return out
 
 
@@ -98,7 +99,7 @@ def test_the_order_of_rows_does_not_change_a_byte(report: Path, tmp_path: Path) 
     for file in shuffled.glob("*.csv.xz"):
         rows = pd.read_csv(file, dtype=str, keep_default_na=False)
         rows[::-1].to_csv(file, index=False, lineterminator="\n")
-    write_report(shuffled, tmp_path / "report")
+    write_report(shuffled, tmp_path / "report", CHAPTERS)
     for path in sorted(report.rglob("*.*")):
         again = tmp_path / "report" / path.relative_to(report)
         assert path.read_bytes() == again.read_bytes(), f"{path.name} differs from run to run"
@@ -129,7 +130,7 @@ def test_tables_as_files_have_numbers(report: Path) -> None:
 def test_text_from_results_is_escaped_and_the_page_says_what_made_its_rows(
     small: Path, tmp_path: Path
 ) -> None:
-    made = write_report(small, tmp_path / "report")
+    made = write_report(small, tmp_path / "report", CHAPTERS)
     page = (tmp_path / "report/index.html").read_text("utf-8")
     assert "<script>alert" not in page
     assert "&lt;script&gt;alert(1)" in page
@@ -160,7 +161,7 @@ def test_the_page_of_the_quick_set_is_short(report: Path) -> None:
 
 def test_no_results_is_said_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(NoResults, match=r"^results: expected the results of a study, got none in "):
-        write_report(tmp_path / "nowhere", tmp_path / "out" / "report")
+        write_report(tmp_path / "nowhere", tmp_path / "out" / "report", CHAPTERS)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -196,7 +197,7 @@ def test_a_report_of_runs_that_all_failed_says_so_of_every_study(tmp_path: Path)
         ended = {"status": "crashed", "reason": "killed by SIGSEGV"}
         rows = [{"case": f"{study} {n}", **case.head(), **ended} for n, case in cases]
         write_rows(tmp_path / "results", study, rows)
-    write_report(tmp_path / "results", tmp_path / "report")
+    write_report(tmp_path / "results", tmp_path / "report", CHAPTERS)
     failures = pd.read_csv(tmp_path / "report/tables/failures.csv")
     assert {*failures["study"]} == {*STUDIES}
     assert {*failures["reason"]} == {"killed by SIGSEGV"}

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from reports.contents import CHAPTERS
 from reports.page import FINDINGS, Report, write_report
 from reports.publication import FIGURES, README, answer_of, certain, costs_of, tell, write_study
 from reports.results import published_rows
@@ -23,7 +24,7 @@ MOST_BYTES = 5_000_000
 def page(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Report]:
     """The page of the published rows."""
     folder = tmp_path_factory.mktemp("page") / "report"
-    return folder, write_report(PUBLISHED / "results", folder)
+    return folder, write_report(PUBLISHED / "results", folder, CHAPTERS)
 
 
 def test_published_tables_and_claims_follow_from_the_published_rows(page: tuple[Path, Report]) -> None:
