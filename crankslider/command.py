@@ -669,6 +669,7 @@ def main() -> None:
         if message:
             log.error(message)
     finally:
+        log.setLevel(logging.INFO)
         for number, handled in before.items():
             signal.signal(number, handled)
     if code == INTERRUPTED:  # typer returns it after Ctrl-C

@@ -269,8 +269,8 @@ def test_settings_that_are_none_are_refused_by_name(name: str) -> None:
             make_engine(name, **{field.name: object()})
 
 
-#: Those that step over a singular position; SciPy's tolerance does not let it.
-@pytest.mark.parametrize("name", ["reference", "reference method=dop853", "exudyn", "pymunk"])
+#: Those that step over a singular position; a tolerance lets it by luck of round-off alone, or not at all.
+@pytest.mark.parametrize("name", ["reference", "exudyn", "pymunk"])
 def test_a_fold_is_passed_along_the_one_smooth_branch(name: str) -> None:
     """A rod as long as the crank is at minus its angle, before and after the fold: x = 2 r cos(theta)."""
     mine = run(name, scene("fold"), 81)

@@ -1,8 +1,5 @@
 """Every call checks its arguments; numbers and arrays of NumPy are Python's own; what goes wrong is said."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -63,11 +60,3 @@ def test_a_run_in_doubt_warns_of_the_line_that_calls_and_one_that_breaks_down_sa
         cs.simulate("ideal-free", "pymunk", step=5e-3)
     with pytest.raises(cs.Failed, match=r"^slider position not known to 4\.94066e-324 m: "):
         cs.simulate("ideal-free", end=0.001, samples=2, tolerance=5e-324)
-
-
-def test_contacts_without_the_compiler_are_refused_by_the_variable_that_switched_it_off() -> None:
-    call = "cs.simulate('clearance-free-0.5mm', end=1e-3)"
-    code = f"import crankslider as cs\ntry: {call}\nexcept cs.BadInput as refused: print(refused)"
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True)
-    assert done.stdout.startswith(b"environment variable NUMBA_DISABLE_JIT: expected nothing or 0, ")
