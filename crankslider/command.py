@@ -246,12 +246,13 @@ def simulate(
             require_file(name, path, endings, inputs)
     given = _assigned("set", "KEY=VALUE", settings)
     numbers: Numbers = {"step": step, "tolerance": tolerance, "samples": samples, "start": start}
+    film: Numbers = {} if exaggerate is None else {"exaggerate": exaggerate}
     with _progress(physics.end_time_s):
         run = library.simulate(physics, engine, settings=given, **numbers)
         if out is None and not (impacts or plot or animate or quiet):
             out = Path("-")
         columns = tuple(plot_columns.split(",")) if plot_columns else ()
-        run.write(out, impacts, plot, animate, columns, float(exaggerate or 1.0))
+        run.write(out, impacts, plot, animate, columns, **film)
     _tell(run)
 
 

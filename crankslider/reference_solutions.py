@@ -16,11 +16,12 @@ import pandas as pd
 from crankslider.run import TrueRun
 from engine_models.convergence.doubts import doubts_of_tables
 from engine_models.engine import Engine, Impacts, SimulationFailed, UnsupportedScene
+from engine_models.kernels import FolderRefused
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.library import SCENES
 from engine_models.scene.parts import AnyScene
-from studies.failures import Failed
+from studies.failures import BadInput, Failed
 from studies.judges.converged_truth import INDEPENDENT, TRUE, converged, followed, solved, truth_by
 from studies.judges.metrics import COVERAGE
 from studies.settings import END_S
@@ -40,6 +41,8 @@ def reference_solution(scene: AnyScene, samples: int) -> TrueRun:
         count = followed(scene, samples)
         by = truth_by(scene, samples)
         contacts = solved(scene, samples).truth.contacts
+    except FolderRefused as reason:
+        raise BadInput(str(reason)) from None
     except (UnsupportedScene, SimulationFailed) as reason:
         raise Failed(f"no reference solution was found: {reason}") from None
     if not count:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from engine_models.mechanics.quality import Quality, quality_of
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
 from engine_models.progress import tell
-from engine_models.scene.arguments import Place, check_arguments
+from engine_models.scene.arguments import Place, check_arguments, in_words
 from engine_models.scene.data import Positive
 from engine_models.scene.general import GeneralScene
 from engine_models.scene.parts import AnyScene
@@ -173,7 +173,7 @@ class Run:
         plot: Place | None = None,
         animate: Place | None = None,
         plot_columns: Sequence[str] = (),
-        exaggerate: Positive = 1.0,
+        exaggerate: Annotated[Positive, in_words()] = 1.0,
     ) -> None:
         """Write samples and impacts by the endings of their files, a figure and an animation; - is stdout.
 
