@@ -218,7 +218,12 @@ def simulate(
     end: EndTime = None,
     start: Annotated[
         str,
-        Option("--from", metavar="T", help="The largest contact force is that after T: a transient is over."),
+        Option(
+            "--from",
+            "--start",
+            metavar="T",
+            help="The largest contact force is that after T: a transient is over.",
+        ),
     ] = "0",
     samples: Samples = "200",
     out: SamplesFile = None,

@@ -3,6 +3,8 @@
 import os
 import subprocess
 import sys
+import time
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -143,3 +145,30 @@ def test_what_the_user_has_set_is_as_it_was_when_processes_have_begun(
     with _starting():
         assert os.environ[SAFE_PATH] == "1"
     assert os.environ.get(SAFE_PATH) == before
+
+
+@dataclass(frozen=True)
+class Item:
+    """A call that compiles some machine code."""
+
+    compiles: frozenset[str]
+    limit_s: float = 60.0
+    rest_s: float = 1.0
+
+
+def rest(item: Item) -> tuple[float, float]:
+    began = time.time()
+    time.sleep(item.rest_s)
+    return began, time.time()
+
+
+def test_two_processes_do_not_compile_the_same_at_once() -> None:
+    items = [Item(frozenset(parts)) for parts in ("ab", "bc", "c", "abc")]
+    with Pool(2) as pool:
+        times = dict(pool.results(rest, items))
+    first, shares, other, last = (times[item] for item in items)
+    assert shares[0] >= first[1]
+    assert other[0] < first[1], "it compiles nothing that the first one does"
+    assert last[0] >= first[1]
+    assert shares[0] < last[1], "what is compiled once keeps nobody back"
+    assert last[0] < shares[1]
