@@ -1,8 +1,8 @@
 """The limit of speed: heyoka beside the reference, ``python -m tests.benchmarks.limit``.
 
 heyoka integrates by Taylor's method, compiled for one set of equations, here a mechanism's own in minimal
-coordinates, with walls as terminal events. It is no engine of the study (``pip install heyoka``). Both stand by
-their cheapest setting whose slider is within ``TARGET_M``.
+coordinates, with walls as terminal events. It is no engine of the study (``pip install heyoka``). Each stands
+by its cheapest setting whose slider is within ``TARGET_M``.
 """
 
 import math
