@@ -90,17 +90,6 @@ def test_an_output_file_is_replaced_and_a_device_is_not(tmp_path: Path) -> None:
     assert Path("/dev/null").is_char_device()
 
 
-def test_a_failed_run_says_when_and_leaves_an_existing_file_alone(tmp_path: Path) -> None:
-    out = tmp_path / "out.csv"
-    out.write_text("before")
-    coarse = ("--engine", "pymunk", "--set", "iterations=1", "--step", 0.01)
-    done = crankslider("simulate", "ideal-free", *coarse, "--out", out)
-    assert (done.code, done.stdout, done.stderr.count("\n")) == (1, "", 1)
-    assert done.stderr.startswith("error: ")
-    assert "at t = " in done.stderr
-    assert [file.read_text() for file in tmp_path.iterdir()] == ["before"]
-
-
 def test_the_scene_is_not_overwritten_by_its_own_output(tmp_path: Path) -> None:
     file = tmp_path / "mine"
     file.write_text(before := crankslider("show", "ideal-free").stdout)

@@ -25,7 +25,6 @@ from studies.judges.metrics import (
     scales,
     sizes,
     uncertainties,
-    with_suffix,
 )
 from tests.studies.truth.closed_forms.crank_slider import exact
 
@@ -146,13 +145,6 @@ def test_a_scale_is_the_largest_distance_from_the_mean_over_time() -> None:
     assert set(alone.values()) == {0.0}, "the horizon may leave the start alone"
     early = replace(truth, position=position, time_s=np.array([0.0, 1.0, 4.0]))  # for 1, 2 and 3 s
     assert scales(ideal_driven(), early)["slider_position_scale_m"] == pytest.approx(23 / 6 - 1)
-
-
-def test_a_suffix_goes_before_the_unit() -> None:
-    assert with_suffix("driver_torque_N_m", "error") == "driver_torque_error_N_m"
-    assert with_suffix("slider_velocity_m_s", "error") == "slider_velocity_error_m_s"
-    with pytest.raises(ValueError, match="column"):
-        with_suffix("nothing", "error")
 
 
 def test_a_truth_at_other_times_is_refused_by_its_samples() -> None:
