@@ -182,7 +182,7 @@ def show(scene: SceneName, changes: Changes = None) -> None:
 
 @app.command()
 def check(scene: SceneName, changes: Changes = None, quiet: Quiet = False) -> None:
-    """Tell rows, freedoms and start of a mechanism, its singular positions, dead centres and transmission angles."""
+    """Tell freedoms and start of a mechanism, singular positions, dead centres, transmission angles."""
     from engine_models.engine import ImpossibleStart, SimulationFailed
     from engine_models.reference.inspection import inspect
 

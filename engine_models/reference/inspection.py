@@ -1,6 +1,7 @@
 """What there is to know of a mechanism before it is run: rows and freedoms, start, singular positions."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,13 +118,13 @@ def _turning_points(scene: AnyScene, run: Trajectory) -> list[str]:
 
     lines = []
     sampled = [direction(time_s) for time_s in run.time_s]
-    for k in range(1, len(sampled)):
-        sampled[k] *= np.sign(sampled[k] @ sampled[k - 1]) or 1.0
+    for before, after in pairwise(sampled):
+        after *= np.sign(after @ before) or 1.0
     values = [parts(w, q.ravel()) for w, q in zip(sampled, run.position, strict=True)]
     for name in values[0]:
         sizes = np.array([value[name] for value in values])
         angles_deg = set[int]()
-        for k in np.flatnonzero(sizes[:-1] * sizes[1:] < 0):
+        for k in np.flatnonzero(sizes[:-1] * sizes[1:] < 0).tolist():
 
             def part(time_s: float, name: str = name, w: FloatArray = sampled[k]) -> float:
                 there = direction(time_s)
