@@ -98,16 +98,6 @@ def test_next_to_no_clearance_is_judged_as_an_ideal_joint_and_by_no_force() -> N
     assert errors["slider_position_m"] < extremes.RIGHT["relative_error"]
 
 
-def test_a_truth_that_ends_before_its_scene_judges_what_comes_before() -> None:
-    scene = ideal_driven()
-    truth = exact(scene, 100)
-    position = truth.position.copy()
-    position[60:, 2, 0] += 1.0
-    early = scene.model_copy(update={"end_time_s": scene.end_time_s / 2})
-    errors = extremes.relative_errors(scene, early, replace(truth, position=position))
-    assert max(errors.values()) < 1e-9
-
-
 # Verdicts
 
 
@@ -116,16 +106,12 @@ def test_a_truth_that_ends_before_its_scene_judges_what_comes_before() -> None:
     [
         ({}, Verdict.RIGHT),
         ({"relative_error": 2e-3}, Verdict.INACCURATE),
-        ({"relative_error": 5e-3}, Verdict.INACCURATE),
         ({"relative_error": 5e-2}, Verdict.WRONG),
-        ({"unaccounted_energy_part": 2e-2}, Verdict.INACCURATE),
         ({"unaccounted_energy_part": 0.2}, Verdict.WRONG),
         ({"constraint_relative": 0.02}, Verdict.WRONG),
         ({"relative_error": None}, Verdict.WRONG),
-        ({"unaccounted_energy_part": None}, Verdict.WRONG),
         ({"wanted": "refusal"}, Verdict.WRONG),
         ({"unaccounted_energy_part": 0.2, "quality_failure": "energy off at t = 0.1 s"}, Verdict.NOTICED),
-        ({"relative_error": None, "quality_failure": "energy off at t = 0.1 s"}, Verdict.NOTICED),
         ({"quality_failure": ""}, Verdict.RIGHT),
         ({"status": "unsupported", "reason": "no"}, Verdict.REFUSED),
         ({"status": "failed", "reason": "overflow at t = 1.2e-05 s"}, Verdict.FAILED),
@@ -152,12 +138,9 @@ def test_the_verdict_follows_from_status_numbers_and_bounds(
         ("answer or word", {"status": "failed", "reason": "at t = 0.003 s"}, True),
         ("answer or word", {"relative_error": 0.1}, False),
         ("answer or word", {"quality_failure": "energy off at t = 0.1 s"}, True),
-        ("answer", {"quality_failure": "energy off at t = 0.1 s"}, False),
         ("refusal", {"quality_failure": "energy off at t = 0.1 s"}, True),
         ("stop", {"quality_failure": "energy off at t = 0.003 s"}, True),
         ("refusal", {"status": "unsupported"}, True),
-        ("answer or word", {"status": "unsupported"}, True),
-        ("answer", {"status": "unsupported"}, False),
         ("stop", {"status": "failed", "reason": "rank 8 at t = 0.003 s"}, True),
         ("stop", {"status": "failed", "reason": "rank 8 at t = 0.009 s"}, False),
         ("stop", {}, True),
