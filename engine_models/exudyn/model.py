@@ -62,10 +62,10 @@ def build_model(scene: AnyScene, tree: bool = False) -> Model:
     histories: dict[str, int] = {}
     links = {link.name for branch in built.branches for link in branch.links}
     for pin in of.pins:
-        ends = [(pin.body_i, pin.point_i), (pin.body_j, pin.point_j)]
+        ends = [(pin.body_j, pin.point_j), (pin.body_i, pin.point_i)]
         if pin.clearance is not None:
             gap = pin_gap(pin, position[None], velocity[None])
-            pin_first = [built.marker(*end) for end in ends[:: 1 if pin.bearing_on_j else -1]]
+            pin_first = [built.marker(*end) for end in ends[:: -1 if pin.bearing_on_j else 1]]
             history = built.add_contact(pin_first, scene.clearances[pin.name], gap)
             histories[pin.name] = built.sensor(history, "Coordinates")
         elif pin.name not in links:

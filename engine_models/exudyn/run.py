@@ -93,10 +93,9 @@ def bare_run(engine: ExudynEngine, scene: AnyScene, run: RunSettings) -> BareRun
         settings.solution.sensors.writePeriod = scene.end_time_s
         solve_time_s = solve(scene, model, settings, engine.timeout_s)
         values = model.mbs.GetSensorValues
-        rows = [np.concatenate([np.atleast_1d(values(sensor)) for sensor in of]) for of in model.motion]
-        rows[0] += model.start
+        q, v, a = (np.concatenate([np.atleast_1d(values(sensor)) for sensor in of]) for of in model.motion)
         out = np.zeros((1, 3, 3 * len(scene.mechanism.bodies)))
-        states(link_rows(model.branches), *(row[None] for row in rows), out)
+        states(link_rows(model.branches), (model.start + q)[None], v[None], a[None], out)
         return BareRun(solve_time_s, out[0, 0].reshape(-1, 3))
 
 
