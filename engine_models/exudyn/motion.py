@@ -38,12 +38,14 @@ class Motion:
     accelerations: FloatArray
     histories: Mapping[str, FloatArray]
     switched: NDArray[np.bool_]
+    implicit: bool
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return positions, velocities and accelerations, each (n, bodies, 3), at any times (n,).
 
         Within a step the coordinates are the polynomial of degree 5 that meets coordinates, rates and
-        accelerations at both ends; of degree 4 where the acceleration at its begin is unknown.
+        accelerations at both ends; of degree 4 where the acceleration at its begin is unknown. Accelerations
+        of ``implicit`` solvers, which are not the derivatives of rates to more than their order, are linear.
         """
         step = np.clip(np.searchsorted(self.time_s, time_s, "right") - 1, 0, len(self.time_s) - 2)
         h = (self.time_s[step + 1] - self.time_s[step])[:, None]
@@ -65,7 +67,8 @@ class Motion:
         v = (d0 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
         a = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
         short = h < SHORTEST_FOR_DIFFERENCES_S
-        v, a = np.where(short, v0 + s * (v1 - v0), v), np.where(short, a0 + s * (a1 - a0), a)
+        v = np.where(short, v0 + s * (v1 - v0), v)
+        a = np.where(short | self.implicit, a0 + s * (a1 - a0), a)
         out = np.zeros((len(time_s), 3, 3 * self.bodies))
         states(self.links, q, v, a, out)
         position, velocity, acceleration = out.reshape(len(out), 3, self.bodies, 3).swapaxes(0, 1)

@@ -137,6 +137,7 @@ def _recorded(scene: AnyScene, model: Model, tree: bool) -> Motion:
         accelerations=accelerations,
         histories=histories,
         switched=switched,
+        implicit=not tree,
     )
 
 
