@@ -9,10 +9,10 @@ from typer.main import get_command
 from crankslider.command import app
 from engine_models.engine import UnsupportedScene
 from engine_models.engines import engine_class, make_engine
-from engine_models.scene import general, loads, parts, scene
-from engine_models.scene.data import SceneData
-from engine_models.scene.drives import Drive
-from engine_models.scene.library.mechanisms import ALL_SCENES
+from engine_models.scene import format as parts
+from engine_models.scene import scene, short
+from engine_models.scene.format import Drive, SceneData
+from engine_models.scene.library import ALL_SCENES
 from engine_models.scene.plain_words import expectation, fields, shown
 
 
@@ -23,25 +23,24 @@ def _kind(drive: type[SceneData]) -> str:
 
 #: The sections of a scene file, in their usual order.
 SECTIONS: Sequence[tuple[str, type[SceneData]]] = (
-    ("The top of the file", scene.Scene),
-    ("[crank] and [rod]", scene.Link),
-    ("[slider]", scene.Slider),
-    ("[start]", scene.Start),
+    ("The top of the file", short.CrankSlider),
+    ("[crank] and [rod]", short.Link),
+    ("[slider]", short.Slider),
+    ("[start]", short.Start),
     ("[start.crank], [start.rod] and [start.slider]", parts.BodyState),
     *((f'[drive] with kind = "{_kind(drive)}"', drive) for drive in get_args(get_args(Drive)[0])),
-    ("[load.slider]", loads.SliderLoad),
-    ("[load.slider.gas]", loads.Gas),
+    ("[load.crank], [load.rod] and [load.slider]", short.CrankLoad),
+    ("[load.crank.gas], and of the others", parts.CrankGas),
     ("[clearance.O], [clearance.A] and [clearance.B], or of any pin", parts.Clearance),
     ("[clearance.B.friction], and of the others", parts.Friction),
-    ("The top of a file of any mechanism", general.GeneralScene),
+    ("The top of a file of any mechanism", scene.Scene),
     ("[ground]", parts.Ground),
     ("[body.NAME]", parts.Body),
     ("[guide.NAME]", parts.Guide),
     ("[spring.NAME], in both forms", parts.Spring),
-    ("[load.crank] and [load.rod]", loads.LinkLoad),
-    ("[load.NAME]", loads.Load),
-    ("[load.NAME.gas]", loads.BodyGas),
-    ("[load.NAME.by_time], and of the slider", loads.ByTime),
+    ("[load.NAME]", parts.Load),
+    ("[load.NAME.gas]", parts.Gas),
+    ("[load.NAME.by_time], and of the slider", parts.ByTime),
     ("[start] of any mechanism", parts.PlacedStart),
     ("[start.NAME] of every body", parts.BodyState),
 )
@@ -71,7 +70,7 @@ def scenes() -> str:
     for name, make in ALL_SCENES.items():
         made, what = make(), (make.__doc__ or "").partition("\n")[0]
         loose = ", ".join(made.joints_with_clearance)
-        rows.append((f"`{name}`", made.driven_by.kind, loose, f"{made.end_time_s:g}", what))
+        rows.append((f"`{name}`", made.drive.kind, loose, f"{made.end_time_s:g}", what))
     return _table(("scene", "drive", "clearance", "end time in s", "description"), rows)
 
 

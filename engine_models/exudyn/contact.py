@@ -33,7 +33,8 @@ from engine_models.mechanics.joints import (
 )
 from engine_models.mechanics.states import JointGap
 from engine_models.mechanics.trajectory import contact_of
-from engine_models.scene.parts import AnyScene, Clearance
+from engine_models.scene.format import Clearance
+from engine_models.scene.scene import Scene
 
 items: Any = itemInterface  # its constructors carry no types
 #: A time of touch is halved down to round-off this often.
@@ -85,7 +86,7 @@ class ContactStates(ContactForces):
     friction_W: FloatArray
 
 
-def contact_states(scene: AnyScene, joint: str, motion: Motion, time_s: FloatArray) -> ContactStates:
+def contact_states(scene: Scene, joint: str, motion: Motion, time_s: FloatArray) -> ContactStates:
     """Return a contact at times (n,) of a motion."""
     clearance = scene.clearances[joint]
     position, velocity, _ = motion.at(time_s)
@@ -113,7 +114,7 @@ def contact_states(scene: AnyScene, joint: str, motion: Motion, time_s: FloatArr
     return ContactStates(between.gap_m, penetration, force, friction, rate, *losses)
 
 
-def contact_record(scene: AnyScene, joint: str, motion: Motion, time_s: FloatArray) -> Contact:
+def contact_record(scene: Scene, joint: str, motion: Motion, time_s: FloatArray) -> Contact:
     """Return all that a contact did, at the samples' times (n,).
 
     Impulse and losses are Gauss's quadrature, of order 6, over the parts into which steps, samples, touches
@@ -165,7 +166,7 @@ def contact_record(scene: AnyScene, joint: str, motion: Motion, time_s: FloatArr
     )
 
 
-def _touches_and_releases(scene: AnyScene, joint: str, motion: Motion) -> tuple[FloatArray, FloatArray]:
+def _touches_and_releases(scene: Scene, joint: str, motion: Motion) -> tuple[FloatArray, FloatArray]:
     """Return the times of all touches and of all releases, in order; the last contact may have no release.
 
     A change of sign between two steps is halved down to its time. What begins closed touches at the start. A

@@ -11,9 +11,10 @@ saturated linear. It follows the sign of the normal force: where that pulls, fri
 import math
 from dataclasses import dataclass
 
-from engine_models.engine import T, UnsupportedScene
+from engine_models.engine import UnsupportedScene
 from engine_models.mechanics.contact_law import damping_factor_of, minimum_impact_speed_of
-from engine_models.scene.parts import Clearance
+from engine_models.scene.format import Clearance
+from engine_models.scene.scene import Scene
 
 #: Hunt-Crossley's form ends at e' = 0; Carvalho-Martins' gives way to Gonthier's at e' = 1/3.
 LARGEST_OF_MODEL_1, LARGEST_OF_CARVALHO_MARTINS = 1.5, 8 / 3
@@ -41,7 +42,7 @@ def native_law(clearance: Clearance) -> NativeLaw:
     return NativeLaw(2, 2 / (a + math.sqrt(a * a + 4)), 0.0)  # e'^2 + a e' - 1 = 0
 
 
-def native_twin(scene: T) -> T:
+def native_twin(scene: Scene) -> Scene:
     """Return the scene with the contact laws as Exudyn has them.
 
     Raises:

@@ -9,7 +9,7 @@ from exudyn import itemInterface
 
 from engine_models.exudyn.symbolic import piecewise, symbolic, user_function
 from engine_models.mechanics.crank_motion import crank_motion
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.curves import curve_of
 from reference_solver.mechanism.data import ConstantSpeed, Course, DriveData, Fluctuation, Ramp
 
@@ -20,7 +20,7 @@ items: Any = itemInterface  # its constructors carry no types
 FLYWHEEL_KG_M2 = HEAVY_KG = 1e15
 
 
-def add_speed(mbs: exu.MainSystem, scene: AnyScene, node: Any, coordinate: int) -> Any:
+def add_speed(mbs: exu.MainSystem, scene: Scene, node: Any, coordinate: int) -> Any:
     """Add and return the constraint that keeps the speed of a node's coordinate, which is driven."""
     drive = scene.mechanism.drive
     driven = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
@@ -34,7 +34,7 @@ def add_speed(mbs: exu.MainSystem, scene: AnyScene, node: Any, coordinate: int) 
     return mbs.AddObject(items.ObjectConnectorCoordinate(markerNumbers=sides, velocityLevel=True, **beside))
 
 
-def _add_changing(mbs: exu.MainSystem, scene: AnyScene) -> tuple[Any, dict[str, Any]]:
+def _add_changing(mbs: exu.MainSystem, scene: Scene) -> tuple[Any, dict[str, Any]]:
     """Add what a changing speed is held against; return its marker, and the speed beside its own.
 
     It is a heavy mass, pushed by a force. The ground would do, with all of the speed as a function of time

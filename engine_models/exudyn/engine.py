@@ -11,7 +11,6 @@ from engine_models.engine import (
     BareRun,
     Engine,
     RunSettings,
-    T,
     Trajectory,
     UnsupportedScene,
     require_finite,
@@ -30,7 +29,7 @@ from engine_models.exudyn.settings import (
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: What a recorded step of three bodies takes, with what is made of it after the run (measured).
 BYTES_PER_STEP, BYTES_PER_STEP_WITH_CONTACT = 550, 5_000
@@ -47,7 +46,7 @@ class ExudynEngine(ExudynSettings, Engine):
 
     any_mechanism: ClassVar[bool] = True
 
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""
         native_twin(scene)
         if self.solver_of(scene) not in IMPLICIT:
@@ -56,7 +55,7 @@ class ExudynEngine(ExudynSettings, Engine):
                 raise UnsupportedScene(f"exudyn's solver {self.solver} cannot run this scene: {reason}")
         require_build(self.fast)
 
-    def twin(self, scene: T) -> T:
+    def twin(self, scene: Scene) -> Scene:
         """Return the scene with the contacts as Exudyn has them: they may pull, friction saturates linearly.
 
         A friction law that is a hyperbolic tangent becomes linear up to the same speed.
@@ -73,7 +72,7 @@ class ExudynEngine(ExudynSettings, Engine):
         """Return the engine with a tenth of its tolerance, which is for solvers that choose their steps."""
         return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
 
-    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the solve with nothing recorded but its ends.
 
         Raises:
@@ -85,7 +84,7 @@ class ExudynEngine(ExudynSettings, Engine):
 
         return bare_run(self, scene, settings)
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run a scene.
 
         Raises:
@@ -102,7 +101,7 @@ class ExudynEngine(ExudynSettings, Engine):
 
         return unwound(scene, require_finite(exudyn_run(self, scene, settings)))
 
-    def _recorded(self, scene: AnyScene, run: RunSettings) -> tuple[int, int]:
+    def _recorded(self, scene: Scene, run: RunSettings) -> tuple[int, int]:
         """Return of how many steps at least Exudyn's sensors keep something, and how many bytes of each."""
         steps = run.samples * run.steps_per_sample(scene.end_time_s)
         threes = max(1, math.ceil(len(scene.mechanism.bodies) / 3))

@@ -29,7 +29,7 @@ from engine_models.exudyn.loads import add_loads
 from engine_models.exudyn.motion import Part
 from engine_models.mechanics.start_check import checked_start
 from engine_models.mechanics.states import pin_gap
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND, Guide, MechanismData, Point, Spring, Torque
 
 items: Any = itemInterface  # its constructors carry no types
@@ -57,7 +57,7 @@ class Model:
     by_balance: bool
 
 
-def build_model(scene: AnyScene, tree: bool = False) -> Model:
+def build_model(scene: Scene, tree: bool = False) -> Model:
     """Return the assembled absolute model, or the tree model where ideal joints close no loop."""
     container, (position, velocity), of = exu.SystemContainer(), checked_start(scene), scene.mechanism
     mbs = container.AddSystem()

@@ -28,7 +28,7 @@ from engine_models.mechanics.reactions import Reactions, force_on_later, reactio
 from engine_models.mechanics.states import direction, way
 from engine_models.mechanics.trajectory import drive_torque, trajectory_of
 from engine_models.mechanics.wrenches import Wrenches, inertias
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: A recorded time may differ from its place on the grid by rounding, never by this part of an interval.
 TIME_TOLERANCE = 1e-6
@@ -36,7 +36,7 @@ TIME_TOLERANCE = 1e-6
 Contacts = Mapping[str, Contact | ContactForces]
 
 
-def exudyn_run(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> Trajectory:
+def exudyn_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> Trajectory:
     """Run a scene that the engine supports; numbers may come out that are not finite.
 
     Raises:
@@ -49,7 +49,7 @@ def exudyn_run(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> Tra
         return read_out(scene, run, model, solve_time)
 
 
-def bare_run(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> BareRun:
+def bare_run(engine: ExudynSettings, scene: Scene, run: RunSettings) -> BareRun:
     """Return the same solve with nothing recorded but its ends; numbers may come out that are not finite.
 
     Raises:
@@ -65,11 +65,11 @@ def bare_run(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> BareR
         return BareRun(solve_time, end[0, 0])
 
 
-def _model(engine: ExudynSettings, scene: AnyScene) -> Model:
+def _model(engine: ExudynSettings, scene: Scene) -> Model:
     return build_model(scene, tree=engine.solver_of(scene) not in IMPLICIT)
 
 
-def _on_the_grid(scene: AnyScene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
+def _on_the_grid(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
     """Return the run of a model of ideal joints whose sensors record every ``record_every`` steps."""
     per_sample, step = run.steps_per_sample(scene.end_time_s), run.step_used_s(scene.end_time_s)
     per_record = record_every(scene, run)
@@ -103,7 +103,7 @@ def _on_the_grid(scene: AnyScene, run: RunSettings, model: Model, solve_time_s: 
     )
 
 
-def _as_they_came(scene: AnyScene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
+def _as_they_came(scene: Scene, run: RunSettings, model: Model, solve_time_s: float) -> Trajectory:
     """Return the run of a model whose sensors record every step; samples lie between steps.
 
     The motion is interpolated as ``Motion`` says. Forces of constraints are Exudyn's multipliers, linear
@@ -152,7 +152,7 @@ def _as_they_came(scene: AnyScene, run: RunSettings, model: Model, solve_time_s:
 
 
 def _all_forces(
-    scene: AnyScene,
+    scene: Scene,
     model: Model,
     time_s: FloatArray,
     states: FloatArray,
@@ -188,7 +188,7 @@ def _all_forces(
     return Reactions({pin.name: forces[pin.name] for pin in of.pins}, across, moments, torque)
 
 
-def _driven_speed(scene: AnyScene, position: FloatArray, velocity: FloatArray) -> FloatArray:
+def _driven_speed(scene: Scene, position: FloatArray, velocity: FloatArray) -> FloatArray:
     """Return how fast what is driven turns, or moves along its guide, (n,) in states (n, bodies, 3)."""
     drive = scene.mechanism.drive
     if drive.guide is None:
@@ -196,14 +196,14 @@ def _driven_speed(scene: AnyScene, position: FloatArray, velocity: FloatArray) -
     return way(scene.mechanism.guides[drive.guide], position, velocity)[1]
 
 
-def _prescribed_speed(scene: AnyScene, time_s: FloatArray) -> FloatArray:
+def _prescribed_speed(scene: Scene, time_s: FloatArray) -> FloatArray:
     motion = crank_motion(scene)
     assert motion is not None
     return motion.speed_rad_s(time_s)
 
 
 def _powers(
-    scene: AnyScene, time_s: FloatArray, position: FloatArray, velocity: FloatArray
+    scene: Scene, time_s: FloatArray, position: FloatArray, velocity: FloatArray
 ) -> dict[str, FloatArray]:
     """Return the powers (n,) in W, at times (n,) in states (n, bodies, 3), of what has no other work.
 
@@ -218,7 +218,7 @@ def _powers(
 
 
 def _works(
-    scene: AnyScene, motion: Motion, grid: FloatArray, sampled: NDArray[np.int64]
+    scene: Scene, motion: Motion, grid: FloatArray, sampled: NDArray[np.int64]
 ) -> dict[str, FloatArray]:
     """Return the integrals of ``_powers`` since t = 0 on a grid (g,), at the samples, which are in it."""
 
@@ -231,7 +231,7 @@ def _works(
     return dict(zip(names, integral(grid, at)[:, sampled], strict=True))
 
 
-def _recorded_motion(scene: AnyScene, model: Model) -> Motion:
+def _recorded_motion(scene: Scene, model: Model) -> Motion:
     """Return what the model's sensors recorded.
 
     Raises:

@@ -8,7 +8,7 @@ from pydantic import Field
 from engine_models.engine import SETTINGS_CONFIG
 from engine_models.exudyn.kinematic_tree import closes_a_loop, turns_above
 from engine_models.mechanics.loads import integrated_works
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND
 
 #: Fixed-step solvers by their orders.
@@ -75,7 +75,7 @@ class ExudynSettings:
     fast: bool = False
     timeout_s: Annotated[float, Field(gt=0)] = 120.0
 
-    def solver_of(self, scene: AnyScene) -> str:
+    def solver_of(self, scene: Scene) -> str:
         """Return the solver that runs a scene: the one set, or what ``auto`` stands for."""
         if self.solver != "auto":
             return self.solver
@@ -83,7 +83,7 @@ class ExudynSettings:
         return "DOPRI5" if has_tree else "TrapezoidalIndex2"
 
 
-def no_tree(scene: AnyScene) -> str:
+def no_tree(scene: Scene) -> str:
     """Return why the scene has no model without constraints, nothing if it has one."""
     of = scene.mechanism
     drive = of.drive
@@ -98,11 +98,11 @@ def no_tree(scene: AnyScene) -> str:
     return ""
 
 
-def integrates_work(scene: AnyScene) -> bool:
+def integrates_work(scene: Scene) -> bool:
     """Return whether a work of the driver or of a load is an integral over every step."""
     return bool(integrated_works(scene))
 
 
-def steps_as_they_come(engine: ExudynSettings, scene: AnyScene) -> bool:
+def steps_as_they_come(engine: ExudynSettings, scene: Scene) -> bool:
     """Return whether samples may lie between steps: with clearance, and without constraints."""
     return bool(scene.joints_with_clearance) or engine.solver_of(scene) not in IMPLICIT

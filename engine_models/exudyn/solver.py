@@ -25,7 +25,7 @@ from engine_models.mechanics.crank_motion import FEWEST_STEPS, SPEEDS, crank_mot
 from engine_models.mechanics.states import lever_m, shortest_m
 from engine_models.pace import Pace
 from engine_models.scene.mechanism import levers_m
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import Motor
 
 #: Touch and release are located to this penetration, and steps get no shorter than this. The trapezoidal rule
@@ -59,7 +59,7 @@ def silence() -> Iterator[None]:
         exu.config.printToConsole, exu.config.suppressWarnings = before
 
 
-def record_every(scene: AnyScene, run: RunSettings) -> int:
+def record_every(scene: Scene, run: RunSettings) -> int:
     """Return how many steps of a run of ideal joints go by between two that are recorded.
 
     It is 1 where a work has to be integrated over every step, else samples are enough.
@@ -67,7 +67,7 @@ def record_every(scene: AnyScene, run: RunSettings) -> int:
     return 1 if integrates_work(scene) else run.steps_per_sample(scene.end_time_s)
 
 
-def simulation_settings(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> exu.SimulationSettings:
+def simulation_settings(engine: ExudynSettings, scene: Scene, run: RunSettings) -> exu.SimulationSettings:
     """Return all settings of a run: equal steps to the end, unless events or a tolerance shorten them.
 
     Of equal steps every so manieth is recorded, of steps as they come every one, however short.
@@ -98,7 +98,7 @@ def simulation_settings(engine: ExudynSettings, scene: AnyScene, run: RunSetting
     return settings
 
 
-def newton_bound(scene: AnyScene, solver: str, step_s: float) -> float:
+def newton_bound(scene: Scene, solver: str, step_s: float) -> float:
     """Return the increment, in m and rad, below which Newton's method need not go on in steps of a length.
 
     Powers are of the angle that the quickest body turns in a step. The first increment is of the second
@@ -118,7 +118,7 @@ def newton_bound(scene: AnyScene, solver: str, step_s: float) -> float:
     return max(bound, LEAST_INCREMENT)
 
 
-def _quickest_rad_s(scene: AnyScene) -> float:
+def _quickest_rad_s(scene: Scene) -> float:
     """Return how fast a body turns at the start, or is driven at the fastest; what is free may swing."""
     of, motion, (_, velocity) = scene.mechanism, crank_motion(scene), start_state(scene)
     if motion is not None:
@@ -171,7 +171,7 @@ def _set_adaptive(integration: exu.TimeIntegrationSettings, engine: ExudynSettin
 
 
 def _set_events(
-    integration: exu.TimeIntegrationSettings, scene: AnyScene, engine: ExudynSettings, solver: str
+    integration: exu.TimeIntegrationSettings, scene: Scene, engine: ExudynSettings, solver: str
 ) -> None:
     """Set up how a contact's switching is treated: steps that end on it, or steps as they come."""
     kind = "implicit" if solver in IMPLICIT else "explicit"
@@ -191,7 +191,7 @@ def _set_events(
     switching.iterationTolerance = softest * gap if locate else 1.0
 
 
-def _tell_steps(mbs: exu.MainSystem, scene: AnyScene) -> list[BaseException]:
+def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
     """Have Exudyn call back before every step to tell how far it has come; return what was raised there.
 
     Only if somebody listens: a call takes 1 to 3 us. It changes nothing in the run.
@@ -215,7 +215,7 @@ def _tell_steps(mbs: exu.MainSystem, scene: AnyScene) -> list[BaseException]:
     return raised
 
 
-def solve(scene: AnyScene, model: Model, settings: exu.SimulationSettings, timeout_s: float) -> float:
+def solve(scene: Scene, model: Model, settings: exu.SimulationSettings, timeout_s: float) -> float:
     """Run the solver; return its wall time in s.
 
     Raises:

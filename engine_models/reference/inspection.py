@@ -7,8 +7,6 @@ import numpy as np
 from engine_models.engine import ImpossibleStart, RunSettings
 from engine_models.mechanics.start_check import checked_start
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.general import placed_start
-from engine_models.scene.parts import AnyScene, GeneralParts
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.assembly import Joints, Rank, dependence
 
@@ -18,7 +16,7 @@ SAMPLES, TOLERANCE = 200, 1e-8
 SINGULAR = 1e-4
 
 
-def inspect(scene: AnyScene) -> list[str]:
+def inspect(scene: Scene) -> list[str]:
     """Return lines on a scene's mechanism, its start, and how near its run comes to a singular position.
 
     Raises:
@@ -33,7 +31,7 @@ def inspect(scene: AnyScene) -> list[str]:
     return [_size(scene, rank), *_start(scene), *_singular(scene)]
 
 
-def _size(scene: AnyScene, rank: Rank) -> str:
+def _size(scene: Scene, rank: Rank) -> str:
     of = scene.mechanism
     counts = {
         "body": len(of.bodies),
@@ -52,19 +50,16 @@ def _counted(count: int, noun: str) -> str:
     return f"{count} {noun if count == 1 else plural}"
 
 
-def _start(scene: AnyScene) -> list[str]:
+def _start(scene: Scene) -> list[str]:
     """Return how the start was put together, of a plain crank-slider nothing: closed formulas give it."""
-    if isinstance(scene, Scene) and scene.is_plain and not scene.start.states:
-        return ["start: by the closed formulas of a crank-slider or a pendulum"]
-    own = scene.general if isinstance(scene, Scene) else scene
-    assert isinstance(own, GeneralParts)
-    placed = placed_start(own)
-    if placed is None:
+    if scene.start.states:
         return ["start: as the file gives it, the state of every body"]
-    return [f"start: put together, {placed.moved} from what the file tells"]
+    if scene.placed.moved is None:
+        return ["start: by the closed formulas of a crank-slider or a pendulum"]
+    return [f"start: put together, {scene.placed.moved} from what the file tells"]
 
 
-def _singular(scene: AnyScene) -> list[str]:
+def _singular(scene: Scene) -> list[str]:
     """Return the smallest singular value of the rows over a run, when, and of which joint."""
     engine = ReferenceEngine(method="dop853", step_tolerance=TOLERANCE)
     run = engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))

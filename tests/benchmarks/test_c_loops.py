@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine_models.scene.format import ContactLaw as LawName
 from engine_models.scene.library import clearance, clearance_driven_05
-from engine_models.scene.scene import Clearances
-from engine_models.scene.scene import ContactLaw as LawName
 from reference_solver.solver import StepChoice
 from tests.benchmarks.c_loop import CLoop, compiler
 from tests.benchmarks.clearance import ByC, difference, run_by_kernel
@@ -30,7 +29,7 @@ def test_the_ideal_loop_follows_the_kernel(tmp_path: Path) -> None:
 def test_the_clearance_loop_follows_the_kernel(
     law: LawName, restitution: float, end_time_s: float, kinds: set[int], tmp_path: Path
 ) -> None:
-    joint = Clearances(B=clearance(5e-4, law, restitution))
+    joint = {"B": clearance(5e-4, law, restitution)}
     scene = clearance_driven_05().model_copy(update={"clearance": joint, "end_time_s": end_time_s})
     choice = StepChoice(4e-5, 25)
     ours, theirs = ByC(scene, choice, tmp_path).run(), run_by_kernel(scene, choice)

@@ -8,10 +8,10 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from engine_models.engine import Engine, Impacts, RunSettings, T, Trajectory
+from engine_models.engine import Engine, Impacts, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.conform import (
     CLAIMS,
     Finding,
@@ -30,10 +30,10 @@ class Altered(Engine):
     change: Change
     order: ClassVar[int | None] = 4
 
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """It runs all scenes."""
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         return self.change(make_engine("reference").simulate(scene, settings))
 
 
@@ -106,10 +106,10 @@ class OfItsOwnLaw(Altered):
     change: Change = unaltered
     told: bool = True
 
-    def twin(self, scene: T) -> T:
+    def twin(self, scene: Scene) -> Scene:
         return scene.replace("clearance.B.radial_clearance_m", 1e-4) if self.told else scene
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         return super().simulate(replace(self, told=True).twin(scene), settings)
 
 

@@ -15,11 +15,11 @@ from engine_models.engines import ENGINES, engine_class, engine_module, make_eng
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.quality import quality_of
 from engine_models.pace import Pace, too_slow
-from engine_models.scene.data import SceneError
-from engine_models.scene.drives import TableDrive
 from engine_models.scene.file import from_toml, load
+from engine_models.scene.format import SceneError, TableDrive
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene, Start
+from engine_models.scene.scene import Scene
+from engine_models.scene.short import Start
 from studies.judges.converged_truth import INDEPENDENT, converged, truth_by
 from tests.engines.runs import run
 from tests.helpers.command import crankslider
@@ -230,7 +230,7 @@ BAD: list[tuple[Callable[[], object], str]] = [
     (lambda: copied(crank=5), "crank: expected a section, got 5"),
     (lambda: copied(drive=LOOSE.start), 'drive.kind: expected "constant-speed", "fluctuating", "free"'),
     (
-        lambda: LOOSE.crank.model_copy(update={"mass_kg": 0.0}),
+        lambda: LOOSE.short.crank.model_copy(update={"mass_kg": 0.0}),
         "mass_kg: expected a finite number > 0, got 0.0",
     ),
     (
@@ -287,4 +287,4 @@ def test_a_scene_by_a_table_can_be_begun_within_it() -> None:
     with pytest.raises(SceneError, match=r"drive.time_s.4: expected at least 0.6, when the scene ends"):
         started_from(driven, position, velocity, 0.2)
     later = started_from(driven, position, velocity, 0.2, 0.2)
-    assert (later.start.time_s, later.start.crank_speed_rad_s, later.end_time_s) == (0.2, 4.0, 0.2)
+    assert (later.start.time_s, later.short.start.crank_speed_rad_s, later.end_time_s) == (0.2, 4.0, 0.2)

@@ -22,7 +22,6 @@ from engine_models.progress import told_to
 from engine_models.pymunk import workspace
 from engine_models.reference import run as reference_runs
 from engine_models.scene.library import SCENES, ideal_driven
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp import calls as scipy_calls
 from tests.engines.mechanism_texts import ENDS, TEXTS
@@ -89,7 +88,7 @@ def test_a_run_whose_steps_collapse_says_which_field_forces_it(
 PACKAGES = tuple(f"{Path(__file__).parents[2]}/{name}/" for name in ("engine_models", "reference_solver"))
 
 
-def calls_of(run: Callable[[AnyScene, RunSettings], object], of: AnyScene) -> int:
+def calls_of(run: Callable[[Scene, RunSettings], object], of: Scene) -> int:
     """Return how many functions of the project a run calls that was made once before."""
     names, settings = list[str](), RunSettings(of.end_time_s, 1)
 

@@ -5,7 +5,8 @@ import numpy as np
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.assembly import start_state
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Link, Scene, Start
+from engine_models.scene.scene import Scene
+from engine_models.scene.short import Link, Start
 from studies.judges.converged_truth import TRUE
 
 

@@ -77,11 +77,15 @@ def test_a_scene_is_its_base_with_fields_set_unset_and_made_that_nothing_checks(
     of = changed(
         base, {"rod": {"inertia_kg_m2": 0.0}, "clearance": {"A": rigid, "B": {"restitution": "none"}}}
     )
-    assert of.rod
-    assert of.clearance.A
-    assert of.clearance.B
-    assert (of.rod.inertia_kg_m2, of.clearance.A.law, of.clearance.B.restitution) == (0.0, "rigid", None)
-    assert of.clearance.B.radial_clearance_m == 1e-4
+    assert of.short.rod
+    assert of.clearance["A"]
+    assert of.clearance["B"]
+    assert (of.short.rod.inertia_kg_m2, of.clearance["A"].law, of.clearance["B"].restitution) == (
+        0.0,
+        "rigid",
+        None,
+    )
+    assert of.clearance["B"].radial_clearance_m == 1e-4
 
 
 # Checks

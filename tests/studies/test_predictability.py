@@ -33,7 +33,7 @@ def of_part(part: str, full: bool = True) -> list[Case]:
 def visible_after(name: str, size_m: float, tolerance_m: float, revolutions: int) -> float:
     """After how many revolutions a start moved by some m at the crank pin shows in the slider."""
     scene = following(name, revolutions)
-    size = size_m / scene.crank.length_m / 1e-10
+    size = size_m / scene.short.crank.length_m / 1e-10
     parted = apart(scene, 100 * revolutions, (-size, size), fine_step_s=1e-5)
     return min(first_beyond_s(parted.time_s, run, tolerance_m) for run in parted.perturbed_m) / REVOLUTION_S
 
@@ -132,7 +132,7 @@ def test_a_members_numbers_are_those_of_its_run_after_the_transient() -> None:
 
 def test_members_have_parted_when_their_averages_begin() -> None:
     scene, members = SCENES[SET_R](), 60
-    nearest_m = 2 * np.pi / members * scene.crank.length_m
+    nearest_m = 2 * np.pi / members * scene.short.crank.length_m
     after = visible_after(SET_R, nearest_m, 0.1 * 5e-4, 6)
     assert after < study.TRANSIENT, f"{after} revolutions until starts have parted"
     assert study.period_s(scene) == pytest.approx(REVOLUTION_S)

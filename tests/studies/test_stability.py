@@ -44,9 +44,9 @@ def test_the_quick_set_has_each_engines_best_method_and_the_report_its_verdicts(
 
 def test_a_hertz_bounce_has_the_limit_of_0_702_and_0_496_of_its_duration() -> None:
     # Stiff: far above any gravity or inertia force while in contact: the closed form of the free bounce.
-    scene = the_case("reference", "located", 1e-5, 1000.0).plain_scene
+    scene = the_case("reference", "located", 1e-5, 1000.0).scene
     energy, frequency = first_impact(scene)
-    clearance, slider = scene.clearance.B, scene.crank_slider()[2]
+    clearance, slider = scene.clearance["B"], scene.crank_slider()[2]
     assert clearance is not None
     speed = sqrt(2 * energy / slider.mass_kg)
     depth = (5 * slider.mass_kg * speed**2 / (4 * stiffness_of(clearance))) ** 0.4
@@ -88,8 +88,8 @@ def bounce() -> tuple[Case, Trajectory]:
 
 
 def judged(case: Case, run: Trajectory, true: Trajectory) -> dict[str, Value]:
-    energy, _ = first_impact(case.plain_scene)
-    return stability.judged(case.plain_scene, run, true, len(true.time_s), energy)
+    energy, _ = first_impact(case.scene)
+    return stability.judged(case.scene, run, true, len(true.time_s), energy)
 
 
 def test_a_trajectory_is_judged_by_its_own_numbers(bounce: tuple[Case, Trajectory]) -> None:
@@ -130,7 +130,7 @@ def test_no_number_that_is_not_finite_is_overlooked(bounce: tuple[Case, Trajecto
 def test_what_an_engine_refuses_or_fails_at_has_a_verdict() -> None:
     case = the_case("pymunk", "as the scene", 1e-5)
     fields = {"clearance.B.law": "kelvin-voigt", "clearance.B.damping_N_s_m": 10.0}
-    row, _ = stability.measure(replace(case, scene=case.plain_scene.replace(fields), arm=NATIVE_CONTACT))
+    row, _ = stability.measure(replace(case, scene=case.scene.replace(fields), arm=NATIVE_CONTACT))
     assert (row["status"], row["verdict"]) == ("unsupported", "refused")
 
     case = the_case("reference", "plain", 1e-4, 1000.0)

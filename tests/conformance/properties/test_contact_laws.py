@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
 from engine_models.minimal.equations import friction_share
 from engine_models.minimal.model import damping_of, wall_of
+from engine_models.scene.format import Clearance, Friction
 from engine_models.scene.mechanism import clearance_data
-from engine_models.scene.scene import Clearance, Friction
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
 
 #: a(e) of each law at e = 0.5 and 0.9: Hunt and Crossley 1975, Lankarani and Nikravesh 1990, Gonthier et al.

@@ -6,9 +6,7 @@ from pathlib import Path
 import pytest
 
 from engine_models.scene.file import from_toml, load
-from engine_models.scene.general import GeneralScene
-from engine_models.scene.library import ideal_free
-from engine_models.scene.library.mechanisms import MECHANISMS
+from engine_models.scene.library import MECHANISMS, ideal_free
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND, Guide, Table, Torque
 from tests.input.scenes import base, changed
@@ -32,10 +30,10 @@ start.angle_rad = { bar = 0.5 }
 FREE, STEADY = 'kind = "free"', 'kind = "constant-speed"'
 
 
-def general(text: str, folder: Path = Path()) -> GeneralScene:
+def general(text: str, folder: Path = Path()) -> Scene:
     """Return the scene of a text in the general form."""
     scene = from_toml(text, folder)
-    assert isinstance(scene, GeneralScene)
+    assert isinstance(scene, Scene)
     return scene
 
 

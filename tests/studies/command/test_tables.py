@@ -16,7 +16,7 @@ from tests.input.scenes import base, changed
 
 ENGINES = ("reference", "scipy", "exudyn", "pymunk")
 PRESS = cast(cs.Scene, from_toml(base("press")))
-R, L, SPEED = PRESS.crank.length_m, 0.356, PRESS.start.crank_speed_rad_s
+R, L, SPEED = PRESS.short.crank.length_m, 0.356, PRESS.short.start.crank_speed_rad_s
 #: The ram of the press is pushed back by 1000 N between 150 and 210 degrees.
 DEGREES = np.arange(0, 361, 10)
 ANGLE, FORCE = np.radians(DEGREES), np.where((DEGREES >= 150) & (DEGREES <= 210), -1000.0, 0.0)

@@ -8,7 +8,7 @@ import pytest
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.samples import selected
-from engine_models.scene.data import SceneData
+from engine_models.scene.format import SceneData
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import PLACES, TRUE, converged, followed
@@ -73,7 +73,9 @@ def test_a_start_is_a_place_off_in_every_number_that_has_one() -> None:
     start, off = scene.start, a_place_off(scene).start
     assert off.crank_angle_rad == start.crank_angle_rad + np.spacing(1.0)
     assert off.crank_speed_rad_s == np.nextafter(start.crank_speed_rad_s, np.inf)
-    assert a_place_off(scene, -1.0).start.crank_speed_rad_s == np.nextafter(start.crank_speed_rad_s, 0.0)
+    assert a_place_off(scene, -1.0).short.start.crank_speed_rad_s == np.nextafter(
+        start.crank_speed_rad_s, 0.0
+    )
     given = started_from(scene, *start_state(scene))
     for state, other in zip(given.start.states, a_place_off(given).start.states, strict=True):
         moved = {name for name, value in state if value != getattr(other, name)}

@@ -207,7 +207,7 @@ def test_a_slider_off_its_guide_with_all_joints_closed_is_a_violation_too() -> N
     _, rod, _ = scene.crank_slider()
     position, length = truth.position.copy(), rod.length_m
     theta = position[2, 0, 2]
-    pin = scene.crank.length_m * np.array([np.cos(theta), np.sin(theta)])
+    pin = scene.short.crank.length_m * np.array([np.cos(theta), np.sin(theta)])
     phi = np.arcsin((SHIFT - pin[1]) / length)
     along = np.array([np.cos(phi), np.sin(phi)])
     position[2, 1] = [*(pin + rod.centre_of_mass_m * along), phi]
@@ -221,7 +221,7 @@ def test_the_truths_forces_carry_the_mechanism_as_a_whole(scene: Scene) -> None:
     """Momentum of all bodies together, and power, know nothing of the joints between them."""
     samples = 4000
     truth = exact(scene, samples)
-    masses = np.array([body.mass_kg for body in scene.bodies])
+    masses = np.array([body.mass_kg for body in scene.mechanism.bodies])
     # The crank pivot, the guide and gravity change the total momentum; by central differences of order 4.
     momentum = np.einsum("b,nbk->nk", masses, truth.velocity[:, :, :2])
     h = truth.time_s[1]
@@ -234,11 +234,11 @@ def test_the_truths_forces_carry_the_mechanism_as_a_whole(scene: Scene) -> None:
     assert np.abs(rate - outside).max() < DIFFERENCES * scale
     torque = truth.driver_torque_N_m
     if scene.drive.kind == "constant-speed" and torque is not None:
-        inertia = np.array([[p.mass_kg, p.mass_kg, p.inertia_kg_m2] for p in scene.bodies])
+        inertia = np.array([[p.mass_kg, p.mass_kg, p.inertia_kg_m2] for p in scene.mechanism.bodies])
         energy = np.sum(inertia * truth.velocity**2, axis=(1, 2)) / 2
         energy = energy + scene.gravity_m_s2 * truth.position[:, :, 1] @ masses
         power = (8 * (energy[3:-1] - energy[1:-3]) - (energy[4:] - energy[:-4])) / (12 * h)
-        expected = torque[2:-2] * scene.start.crank_speed_rad_s
+        expected = torque[2:-2] * scene.short.start.crank_speed_rad_s
         assert np.abs(power - expected).max() < DIFFERENCES * np.abs(expected).max()
 
 
