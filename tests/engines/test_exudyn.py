@@ -24,6 +24,7 @@ from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.format import Clearance, Friction, TableDrive
 from engine_models.scene.library import SCENES, clearance, ideal_driven, ideal_free
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.curves import curve_of
 from studies.judges.metrics import errors as crank_slider_errors
 from tests.engines.mechanism_texts import V_TWIN
 from tests.engines.mechanism_texts import scene as mechanism
@@ -44,7 +45,7 @@ def run(of: Scene, step_s: float, samples: int = SAMPLES, **settings: Any) -> Tr
 
 def until(of: Scene, end_time_s: float, **start: float) -> Scene:
     """Return a scene with another end and start."""
-    return of.model_copy(update={"end_time_s": end_time_s, "start": of.start.model_copy(update=start)})
+    return of.model_copy(update={"end_time_s": end_time_s, "start": of.short.start.model_copy(update=start)})
 
 
 @cache
@@ -231,9 +232,9 @@ def by_table(entries: int) -> Scene:
     time = np.linspace(0.0, 0.024, entries)
     angle = ideal_driven().short.start.crank_speed_rad_s * time + 0.3 * np.sin(2 * np.pi * 60 * time)
     table = TableDrive(kind="table", time_s=tuple(time.tolist()), angle_rad=tuple(angle.tolist()))
-    start = {"crank_angle_rad": 0.5, "crank_speed_rad_s": float(table.spline()(0.0, 1))}
+    start = {"crank_angle_rad": 0.5, "crank_speed_rad_s": float(curve_of(table.course())(0.0, 1))}
     of = ideal_driven()
-    return of.model_copy(update={"drive": table, "start": of.start.model_copy(update=start)})
+    return of.model_copy(update={"drive": table, "start": of.short.start.model_copy(update=start)})
 
 
 def test_a_tables_entries_within_steps_leave_no_force_that_rings() -> None:
@@ -355,9 +356,9 @@ def test_the_fast_build_computes_the_same_in_a_process_of_its_own_and_prints_not
 from engine_models.engine import RunSettings, UnsupportedScene
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.scene.library import clearance_driven_05
-from engine_models.scene.scene import Scene
+from engine_models.scene.file import from_toml
 for scene in (clearance_driven_05().replace("end_time_s", 1e-3),
-              Scene.model_validate_json('''{of.model_dump_json()}''')):
+              from_toml('''{of.to_toml()}''')):
     run = ExudynEngine(fast=True).simulate(scene, RunSettings(1e-5, 10))
     print(run.position[-1, -1, 0].hex(), run.driver_work_J[-1].hex())
 try:

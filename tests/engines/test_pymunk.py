@@ -66,7 +66,7 @@ def plain_space(of: Scene) -> tuple[pymunk.Space, pymunk.Body, pymunk.Body]:
     """Return a space with a crank at constant speed, a rod pinned to it and a slider, and the last two."""
     _, link, block = of.crank_slider()
     space, speed = pymunk.Space(), of.short.start.crank_speed_rad_s
-    space.iterations, space.gravity = SWEEPS, (0.0, --of.gravity[1])
+    space.iterations, space.gravity = SWEEPS, (0.0, of.gravity[1])
     r, length, d = of.short.crank.length_m, link.length_m, link.centre_of_mass_m
     crank = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
     rod, slider = pymunk.Body(link.mass_kg, link.inertia_kg_m2), pymunk.Body(block.mass_kg, math.inf)

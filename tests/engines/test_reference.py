@@ -41,9 +41,7 @@ GENERAL: dict[str, object] = {
 
 def base(changes: Mapping[str, object]) -> Scene:
     """Return the crank-slider in a guide of its own, with changes."""
-    of = scene(CRANK_SLIDER).replace({**GENERAL, **changes})
-    assert isinstance(of, Scene)
-    return of
+    return scene(CRANK_SLIDER).replace({**GENERAL, **changes})
 
 
 def ran(of: Scene, samples: int = 30) -> Trajectory:
@@ -265,71 +263,6 @@ def test_what_is_new_does_what_its_equation_says(name: str) -> None:
         speed = run.velocity[:, 0, 2]
         assert speed.min() < SPEEDS[0], "it turns more slowly than its table begins"
         assert speed.max() > SPEEDS[-1], "and faster than it ends"
-
-
-class Way(NamedTuple):
-    """A drive of the slider, its speed at the start, and its way, speed and acceleration by time."""
-
-    drive: Mapping[str, object]
-    speed: float
-    way: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-    clock: float = 0.0
-
-
-def ramp(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    x, past = np.clip((t + 0.05) / 0.2, 0, 1), np.maximum(t + 0.05 - 0.2, 0)
-    gone = 0.1 * (t + 0.05) - 0.25 * (0.2 * (2.5 * x**4 - 3 * x**5 + x**6) + past)
-    x0 = 0.25
-    begun = 0.1 * 0.05 - 0.25 * 0.2 * (2.5 * x0**4 - 3 * x0**5 + x0**6)
-    speed = 0.1 - 0.25 * x**3 * (10 - 15 * x + 6 * x**2)
-    return gone - begun, speed, -0.25 / 0.2 * 30 * (x * (1 - x)) ** 2
-
-
-PLACES = (1.0, 1.01, 0.99, 1.005, 1.02)
-COURSE = CubicSpline(TIMES, PLACES)
-
-
-def course(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    at = t + 0.05
-    return COURSE(at) - COURSE(0.05), COURSE(at, 1), COURSE(at, 2)
-
-
-WAYS = {
-    "ramp": Way({"kind": "ramp", "final_speed_m_s": -0.15, "ramp_time_s": 0.2}, 0.1, ramp, 0.05),
-    "table": Way(
-        {"kind": "table", "time_s": TIMES, "position_m": PLACES}, float(COURSE(0.05, 1)), course, 0.05
-    ),
-}
-
-
-@pytest.mark.parametrize("name", WAYS)
-def test_a_driven_slider_takes_its_bodies_along_and_its_driver_has_newton_s_force(name: str) -> None:
-    own = WAYS[name]
-    of = base(
-        {
-            "drive": {**own.drive, "guide": "guide"},
-            "start": {"crank_angle_rad": 1.5, "speed_m_s": {"guide": own.speed}, "time_s": own.clock},
-        }
-    )
-    run = ran(of)
-    begin = path(of, 1.5 - ALPHA).place[2].real
-    gone, speed, acceleration = own.way(run.time_s)
-    s, (r, length) = begin + gone, (0.05, 0.12)
-    assert np.abs(observed(of, run)[0] - s).max() < 1e-12
-    assert np.abs(observed(of, run)[1] - speed).max() < 1e-11
-    # Pin A is r from joint O, and a rod's length from pin B, which is s along the guide and OFFSET off it.
-    reach = np.hypot(s, OFFSET)
-    angles = np.arctan2(OFFSET, s) + np.arccos((reach**2 + r**2 - length**2) / (2 * reach * r))
-    assert np.abs(run.position[:, 0, 2] - ALPHA - angles).max() < 1e-11
-    forces = []
-    for angle, rate, change in zip(angles.tolist(), speed, acceleration, strict=True):
-        at = path(of, angle)
-        inertia, half, weight = balance(of, at)
-        turn = rate / at.first[2].real
-        gain = (change - at.second[2].real * turn**2) / at.first[2].real
-        forces.append((inertia * gain + half * turn**2 - weight) / at.first[2].real)
-    assert run.driver_torque_N_m is not None
-    assert np.abs(run.driver_torque_N_m - forces).max() < 1e-9 * np.abs(forces).max()
 
 
 @pytest.mark.parametrize("name", ["clearance-driven-0.5mm", "clearance-free-0.5mm"])

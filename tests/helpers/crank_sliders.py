@@ -2,22 +2,13 @@
 
 import numpy as np
 
-from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.assembly import start_state
-from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from engine_models.scene.short import Link, Start
-from studies.judges.converged_truth import TRUE
 
 
 def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     q, v = start_state(scene)
     return q.ravel(), v.ravel()
-
-
-def in_minimal_coordinates(scene: Scene, samples: int = 30) -> Trajectory:
-    """Return the independent solution of a scene."""
-    return TRUE.simulate(scene, RunSettings(scene.end_time_s, samples))
 
 
 #: A crank that is held while a load pushes the slider.
@@ -37,10 +28,11 @@ HELD = Scene.checked(
 
 def pendulum() -> Scene:
     """Return a crank alone, let go from rest half a radian above the horizontal."""
-    link = Link(length_m=0.5, mass_kg=1.2, inertia_kg_m2=0.02, centre_of_mass_m=0.3)
-    free = SCENES["ideal-free"]().drive
-    start = Start(crank_angle_rad=0.5, crank_speed_rad_s=0.0)
-    return Scene(name="p", end_time_s=1.0, gravity_m_s2=9.81, crank=link, start=start, drive=free)
+    link = {"length_m": 0.5, "mass_kg": 1.2, "inertia_kg_m2": 0.02, "centre_of_mass_m": 0.3}
+    start, drive = {"crank_angle_rad": 0.5, "crank_speed_rad_s": 0.0}, {"kind": "free"}
+    return Scene.checked(
+        {"name": "p", "end_time_s": 1.0, "gravity_m_s2": 9.81, "crank": link, "start": start, "drive": drive}
+    )
 
 
 def short_rod() -> Scene:

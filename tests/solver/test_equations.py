@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.assembly import assembled
 from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.loads import slider_forces
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankLoad
+from engine_models.scene.start import assembled
 from reference_solver.contact.types import CONTACT
 from reference_solver.equations import Equations
 from reference_solver.tape import Node, Scalar, Tape, Value
@@ -266,7 +266,7 @@ def loose() -> Written:
         force = -normal * n + friction * np.array([-n[1], n[0]])
         torque = arm * friction - s * (along[0] * force[1] - along[1] * force[0])
         rates = (normal, (normal - spring) * rate, -friction * sliding)
-        weight = np.array([0.0, --scene.gravity[1]])
+        weight = np.array([0.0, scene.gravity[1]])
         states.append(state)
         expected.append(np.array([*(force / crank.mass_kg + weight), torque / crank.inertia_kg_m2, *rates]))
     return Written(*on_tape(scene, POWERS, phases), tuple(states), tuple(expected))

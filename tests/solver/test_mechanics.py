@@ -129,7 +129,7 @@ def test_rigid_walls_in_a_laws_place_have_its_restitution() -> None:
     hertz = BOUNCING().clearance["B"]
     assert hertz is not None
     loose = hertz.model_copy(update={"law": "hertz", "restitution": None})
-    scene = BOUNCING().model_copy(update={"clearance": BOUNCING().clearance.model_copy(update={"B": loose})})
+    scene = BOUNCING().replace("clearance.B", loose)
     elastic = rigid_twin(scene).clearance["B"]
     assert elastic is not None
     assert elastic.restitution == 1.0, "what is lossless stays so"

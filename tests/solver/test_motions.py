@@ -11,7 +11,7 @@ from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajecto
 from engine_models.engines import make_engine
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.format import Drive, FluctuatingDrive, FreeDrive, Gas, RampDrive, TableDrive
+from engine_models.scene.format import CrankGas, Drive, FluctuatingDrive, FreeDrive, RampDrive, TableDrive
 from engine_models.scene.library import ideal_compressor, ideal_driven
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankLoad
@@ -27,13 +27,13 @@ SAMPLES, END_S = 40, 0.016
 SPEED = ideal_driven().short.start.crank_speed_rad_s
 GAS = ideal_compressor().short.load.slider.gas  # type: ignore[union-attr]
 #: Straight lines with kinks as large as the forces of a free crank.
-LINES = Gas(
+LINES = CrankGas(
     crank_angle_rad=(0.4, 1.5, 3.0, 4.2, 0.4 + 2 * np.pi),
     force_N=(0.0, -800.0, 200.0, -300.0, 0.0),
     interpolation="linear",
 )
 #: A force that comes at once, and goes: within a microradian, which a crank passes in 10 ns.
-JUMPS = Gas(
+JUMPS = CrankGas(
     crank_angle_rad=(-1.0, 0.3, 0.3 + 1e-6, 1.1, 1.1 + 1e-6, 2 * np.pi - 1.0),
     force_N=(0.0, 0.0, -60.0, -60.0, 0.0, 0.0),
     interpolation="linear",
@@ -42,9 +42,9 @@ JUMPS = Gas(
 
 def scene(speed: float, load: CrankLoad | None = None, **changes: object) -> Scene:
     """Return set R without clearance, begun at a speed, with another drive and a load."""
-    start = ideal_driven().start.model_copy(update={"crank_speed_rad_s": speed})
+    start = ideal_driven().short.start.model_copy(update={"crank_speed_rad_s": speed})
     new = {"start": start, "load": {"slider": load}, "end_time_s": END_S, **changes}
-    return Scene.model_validate(ideal_driven().model_copy(update=new).model_dump())
+    return ideal_driven().model_copy(update=new)
 
 
 BACKWARDS = scene(-100.0, drive=FreeDrive(kind="free"))

@@ -33,7 +33,7 @@ def test_every_valid_scene_survives_a_file_that_names_no_other_joint(
 
 def test_integers_stand_for_numbers() -> None:
     text = SCENES["ideal-torque"]().to_toml().replace("torque_N_m = 0.3", "torque_N_m = 3")
-    assert from_toml(text).drive == TorqueDrive(kind="torque", torque_N_m=3.0)
+    assert from_toml(text).short.drive == TorqueDrive(kind="torque", torque_N_m=3.0)
 
 
 def test_a_scene_cannot_be_changed() -> None:

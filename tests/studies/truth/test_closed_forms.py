@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
-from engine_models.scene.format import Drive, FluctuatingDrive, Gas, MotorDrive, RampDrive, TableDrive
+from engine_models.scene.format import CrankGas, Drive, FluctuatingDrive, MotorDrive, RampDrive, TableDrive
 from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankLoad
@@ -49,7 +49,7 @@ def table(end_time_s: float) -> TableDrive:
     return TableDrive(kind="table", time_s=tuple(time.tolist()), angle_rad=tuple(angle.tolist()))
 
 
-def gas(peak_N: float, points: int = 17) -> Gas:
+def gas(peak_N: float, points: int = 17) -> CrankGas:
     """Return a push on the slider once a revolution, from an angle off zero on."""
     angle = np.linspace(0.0, 2 * np.pi, points) - 0.3
     force = -peak_N * np.exp(-(((angle + 0.3) - 1.2) ** 2))

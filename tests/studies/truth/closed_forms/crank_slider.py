@@ -112,7 +112,7 @@ def drive_torque(scene: Scene) -> Callable[[Any], Any]:
     if drive.kind == "motor":
         stall, no_load = drive.stall_torque_N_m, drive.no_load_speed_rad_s
         return lambda speed: stall * (1 - speed / no_load)
-    torque = drive.constant_N_m if drive.kind == "torque" else 0.0
+    torque = drive.torque_N_m if drive.kind == "torque" else 0.0
     return lambda _: torque
 
 
@@ -163,7 +163,11 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
     """Return the motion that a drive prescribes, and the times at which a higher derivative of it jumps."""
     drive, first, begin = scene.drive, scene.short.start.crank_speed_rad_s, scene.start.time_s or 0.0
     if drive.kind == "ramp":
-        T, change, x_0 = drive.ramp_time_s, drive.final_speed - first, min(begin / drive.ramp_time_s, 1.0)
+        T, change, x_0 = (
+            drive.ramp_time_s,
+            (drive.final_speed_rad_s or 0.0) - first,
+            min(begin / drive.ramp_time_s, 1.0),
+        )
         # Expanded about the start, so that nothing cancels: the integral of S from x_0 to x_0 + h.
         turning = SMOOTH_STEP(Polynomial([x_0, 1])).integ()
 
@@ -175,7 +179,7 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
 
         return ramp, (T - begin,)
     if drive.kind == "fluctuating":
-        rate, swing = TURN * drive.frequency_Hz, drive.amplitude
+        rate, swing = TURN * drive.frequency_Hz, (drive.amplitude_rad_s or 0.0)
         phase = drive.phase_rad + rate * begin
 
         def fluctuate(t: Any) -> tuple[Any, Any, Any]:
@@ -185,7 +189,7 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
 
         return fluctuate, ()
     if drive.kind == "table" and drive.interpolation != "linear":
-        times, angles = drive.time_s, drive.values
+        times, angles = drive.time_s, (drive.angle_rad or ())
         ends = drive.end_slopes or [
             0.0 if angles[end] == angles[beside] else None for end, beside in ((0, 1), (-1, -2))
         ]
@@ -198,7 +202,9 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
 
         return tabled, [time - begin for time in times]
     if drive.kind == "table":
-        first = (drive.values[-1] - drive.values[0]) / (drive.time_s[-1] - drive.time_s[0])
+        first = ((drive.angle_rad or ())[-1] - (drive.angle_rad or ())[0]) / (
+            drive.time_s[-1] - drive.time_s[0]
+        )
     return lambda t: (first * t, first + 0.0 * t, 0.0 * t), ()
 
 
@@ -209,7 +215,7 @@ def _motion(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, FloatArray, F
     turning is integrated, and the rounding of each sum is carried on (Kahan 1965), so that round-off does not
     build up with the number of turns.
     """
-    start, parts = scene.start, list(load_parts(scene).values())
+    start, parts = scene.short.start, list(load_parts(scene).values())
     motor = drive_torque(scene) if scene.drive.kind == "motor" else None
     sums = len(parts) + (motor is not None)
     prescribed, knots = prescribed_motion(scene) if scene.speed_is_prescribed else (None, ())
@@ -294,7 +300,7 @@ def exact(scene: Scene, samples: int) -> Trajectory:
     joint_force, guide_force, torque = _reactions(scene, X, acceleration, load_N)
     work = None
     if scene.drive.kind == "torque":
-        work = scene.drive.constant_N_m * (theta - theta[0])
+        work = scene.drive.torque_N_m * (theta - theta[0])
     elif scene.drive.kind == "motor":
         work, torque = sums[-1], drive_torque(scene)(speed)
     elif scene.speed_is_prescribed:
