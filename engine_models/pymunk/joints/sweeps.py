@@ -82,7 +82,7 @@ def are_apart(plan: Plan) -> bool:
 
 def path_of(scene: Scene) -> FloatArray:
     """Return positions (n, bodies, 3) along a coarse run of the scene with all joints ideal, or its start."""
-    twin = scene.replace("clearance", None)
+    twin = scene.replace("clearance", {})
     start, velocity = start_state(twin)
     q, pace = start.ravel(), Pace(twin, LOOK_UP_STEPS, MOST_STEPS)
     with np.errstate(all="ignore"):
