@@ -1,21 +1,25 @@
 """What in a scene does not fit together: unknown names, parts at odds, short tables."""
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
-from engine_models.scene.format import PlacedStart, TableDrive, TorqueDrive, refuse, require
-from engine_models.scene.mechanism import levers_m, pins_of
+from engine_models.scene.format import (
+    PlacedStart,
+    Sections,
+    TableDrive,
+    TorqueDrive,
+    refuse,
+    require,
+    require_known,
+)
+from engine_models.scene.mechanism import levers_m, mechanism_data, pins_of
 from engine_models.scene.plain_words import one_of, shown, unknown
-
-if TYPE_CHECKING:
-    from engine_models.scene.scene import Scene
 
 #: A table may end before its scene by rounding.
 ROUND_OFF = 1e-12
 AXES = ("x", "y", "angle", "along")
 
 
-def check_parts(scene: "Scene") -> None:
+def check_parts(scene: Sections) -> None:
     """Raise ValueError, with the entry and what was expected, where parts do not fit each other."""
     pins = pins_of(scene)
     _check_names(scene, pins)
@@ -31,15 +35,7 @@ def check_parts(scene: "Scene") -> None:
     _check_sizes(scene)
 
 
-def require_known(path: str, name: str, choices: Iterable[str], what: str) -> None:
-    """Refuse a name that is none of the choices."""
-    choices = list(choices)
-    if name not in choices:
-        expected = f"{what} ({', '.join(choices)})" if choices else f"{what}, of which there is none"
-        raise ValueError(unknown(path, name, choices, expected))
-
-
-def _check_names(scene: "Scene", pins: Mapping[str, list[str]]) -> None:
+def _check_names(scene: Sections, pins: Mapping[str, list[str]]) -> None:
     taken = {"ground": "the frame's", **dict.fromkeys(PlacedStart.model_fields, "that of a key of start")}
     for name, body in scene.body.items():
         require(name not in taken, f"body.{name}", f"a name other than {taken.get(name)}", name)
@@ -49,7 +45,7 @@ def _check_names(scene: "Scene", pins: Mapping[str, list[str]]) -> None:
         require(name not in pins, f"guide.{name}", "a name that no pin has", name)
 
 
-def _check_guides(scene: "Scene") -> None:
+def _check_guides(scene: Sections) -> None:
     for name, guide in scene.guide.items():
         require_known(f"guide.{name}.body", guide.body, scene.body, "a body")
         require_known(f"guide.{name}.pin", guide.pin, scene.body[guide.body].pins_m, f"a pin of {guide.body}")
@@ -57,7 +53,7 @@ def _check_guides(scene: "Scene") -> None:
         require_known(f"guide.{name}.on", guide.on, ["ground", *others], "ground or another body")
 
 
-def _check_springs(scene: "Scene", pins: Mapping[str, list[str]]) -> None:
+def _check_springs(scene: Sections, pins: Mapping[str, list[str]]) -> None:
     ends = [f"{body}.{pin}" for pin, bodies in pins.items() for body in bodies]
     for name, spring in scene.spring.items():
         for place, end in enumerate(spring.between):
@@ -67,7 +63,7 @@ def _check_springs(scene: "Scene", pins: Mapping[str, list[str]]) -> None:
             raise ValueError(f"spring.{name}.between: expected pins of two bodies, got both of {first}")
 
 
-def _check_clearances(scene: "Scene", pins: Mapping[str, list[str]]) -> None:
+def _check_clearances(scene: Sections, pins: Mapping[str, list[str]]) -> None:
     two = [name for name, bodies in pins.items() if len(bodies) == 2]
     for name, room in scene.clearance.items():
         if len(pins.get(name, ())) > 2:
@@ -80,7 +76,7 @@ def _check_clearances(scene: "Scene", pins: Mapping[str, list[str]]) -> None:
             require_known(f"clearance.{name}.bearing", room.bearing, pins[name], f"what has pin {name}")
 
 
-def _check_observed(scene: "Scene", pins: Mapping[str, list[str]]) -> None:
+def _check_observed(scene: Sections, pins: Mapping[str, list[str]]) -> None:
     name, _, axis = scene.observe.rpartition(".")
     require(axis in AXES, "observe", f"a name and, after a dot, {one_of([*AXES])}", scene.observe)
     of = {"angle": ("a body", [*scene.body]), "along": ("a guide", [*scene.guide])}
@@ -92,7 +88,7 @@ def _check_observed(scene: "Scene", pins: Mapping[str, list[str]]) -> None:
         require_known("turning", scene.turning, scene.body, "a body")
 
 
-def _check_drive(scene: "Scene") -> None:
+def _check_drive(scene: Sections) -> None:
     drive = scene.drive
     if drive.body is not None:
         require_known("drive.body", drive.body, scene.body, "a body")
@@ -103,7 +99,7 @@ def _check_drive(scene: "Scene") -> None:
         raise ValueError(f"drive.body: expected a body that can turn, got {came}")
 
 
-def _held(scene: "Scene") -> set[str]:
+def _held(scene: Sections) -> set[str]:
     """Return the ground, and the bodies that a guide, or a row of them, keeps from turning against it."""
     still = {"ground"}
     for _ in scene.guide:
@@ -112,7 +108,7 @@ def _held(scene: "Scene") -> set[str]:
     return still
 
 
-def _check_time_tables(scene: "Scene") -> None:
+def _check_time_tables(scene: Sections) -> None:
     """Refuse tables over time that do not last from the start of a scene to its end."""
     begin_s, drive = scene.clock_s, scene.drive
     end_s = begin_s + scene.end_time_s
@@ -128,7 +124,7 @@ def _check_time_tables(scene: "Scene") -> None:
         require(lasts, last, f"at least {end_s:g}, when the scene ends", time[-1])
 
 
-def _check_loads(scene: "Scene") -> None:
+def _check_loads(scene: Sections) -> None:
     for name, load in scene.load.items():
         path = f"load.{name}"
         require_known(path, name, scene.body, "a body")
@@ -149,7 +145,7 @@ def _check_loads(scene: "Scene") -> None:
             require_known(f"{path}.gas.body", load.gas.body, scene.body, "a body")
 
 
-def _check_start(scene: "Scene") -> None:
+def _check_start(scene: Sections) -> None:
     start = scene.start
     bodies, guides = ([*scene.body], "a body"), ([*scene.guide], "a guide")
     kinds = {"angle_rad": bodies, "speed_rad_s": bodies, "position_m": guides, "speed_m_s": guides}
@@ -169,7 +165,7 @@ def _check_start(scene: "Scene") -> None:
             raise ValueError(f"start.{key}: expected nothing beside the state of every body, got values")
 
 
-def _check_pins_alone(scene: "Scene", pins: Mapping[str, list[str]]) -> None:
+def _check_pins_alone(scene: Sections, pins: Mapping[str, list[str]]) -> None:
     """Refuse a pin that one body alone has and nothing uses."""
     used = {guide.pin for guide in scene.guide.values()} | {scene.observe.rpartition(".")[0]}
     used |= {end.partition(".")[2] for spring in scene.spring.values() for end in spring.between}
@@ -183,9 +179,9 @@ def _check_pins_alone(scene: "Scene", pins: Mapping[str, list[str]]) -> None:
             )
 
 
-def _check_sizes(scene: "Scene") -> None:
+def _check_sizes(scene: Sections) -> None:
     """Refuse clearances larger than the mechanism, whose units are others."""
-    longest = max(levers_m(scene.mechanism))
+    longest = max(levers_m(mechanism_data(scene)))
     for name, room in scene.clearance.items():
         expected = f"a number < {longest:g}, the largest distance between two joints of a body"
         c = room.radial_clearance_m

@@ -6,14 +6,14 @@ may be text with another one: ``"50 mm"``.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from engine_models.scene.arguments import check_arguments
-from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown
+from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown
 from engine_models.scene.units import in_own_units
 from reference_solver.mechanism import data
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
@@ -112,6 +112,14 @@ def require(holds: bool, field: str, expected: str, came: object) -> None:
 def require_presence(needed: bool, field: str, came: object, when: str) -> None:
     """Refuse a number that is missing where it is needed, or there where it has no use."""
     require((came is not None) == needed, field, f"{'a number' if needed else 'nothing'} {when}", came)
+
+
+def require_known(path: str, name: str, choices: Iterable[str], what: str) -> None:
+    """Refuse a name that is none of the choices."""
+    choices = list(choices)
+    if name not in choices:
+        expected = f"{what} ({', '.join(choices)})" if choices else f"{what}, of which there is none"
+        raise ValueError(unknown(path, name, choices, expected))
 
 
 class SceneData(BaseModel):
@@ -732,3 +740,54 @@ class Top(SceneData):
             for name in guides:
                 require(name not in rooms, f"clearance.{name}", expected.format("play in a guide"), {"": 0})
         return data
+
+
+class Sections(Top):
+    """Any planar mechanism in motion: bodies that share pins, guides, springs, loads, a drive.
+
+    ``observe`` is what the scene is about: a pin's x or y, a body's angle, or the way along a guide.
+    ``turning`` is the body whose turns are revolutions, "" for none; it is the driven one unless it is named.
+    """
+
+    observe: Observe
+    turning: str | None = None
+    ground: Ground = Field(default_factory=lambda: Ground(pins_m=Parts()))
+    body: Annotated[
+        dict[PartName, Body],
+        Field(min_length=1),
+        AfterValidator(Parts),
+        expect("one body at least, as [body.crank]"),
+    ]
+    guide: Named[Guide] = Field(default_factory=Parts)
+    spring: Named[Spring] = Field(default_factory=Parts)
+    load: Named[Load] = Field(default_factory=Parts)
+    drive: Drive = FreeDrive(kind="free")
+    clearance: Named[Clearance] = Field(default_factory=Parts)
+    start: PlacedStart = Field(default_factory=PlacedStart)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_no_unknown_in_start(cls, data: object) -> object:
+        """Refuse what is neither a key of the start nor a body, before it is looked at as a body's state."""
+        bodies, start = (data.get("body"), data.get("start")) if isinstance(data, Mapping) else (None, None)
+        if isinstance(bodies, Mapping) and isinstance(start, Mapping):
+            for name in start:
+                choices = [*PlacedStart.model_fields, *bodies]
+                require_known(f"start.{name}", name, choices, "a key of start or a body")
+        return data
+
+    @property
+    def gravity(self) -> tuple[float, float]:
+        """Gravity as an acceleration (x, y) in m/s^2."""
+        own = self.gravity_m_s2
+        return own if isinstance(own, tuple) else (0.0, -own)
+
+    @property
+    def driven(self) -> str:
+        """The name of the driven body, or guide."""
+        return self.drive.guide or self.drive.body or next(iter(self.body))
+
+    @property
+    def clock_s(self) -> float:
+        """What the drive's clock reads as a run begins."""
+        return self.start.time_s or 0.0

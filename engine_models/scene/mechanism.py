@@ -1,17 +1,13 @@
 """A scene's parts as the mechanism by names that engines build from: names become numbers and places."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine_models.scene.format import ByTime, Load, Place, period_of
+from engine_models.scene.format import ByTime, Load, Place, Sections, period_of
 from reference_solver.mechanism import data
 from reference_solver.mechanism.data import GROUND, Point
 from reference_solver.tape import FloatArray
-
-if TYPE_CHECKING:
-    from engine_models.scene.scene import Scene
 
 
 def pair(place: Place) -> Point:
@@ -19,12 +15,12 @@ def pair(place: Place) -> Point:
     return place if isinstance(place, tuple) else (place, 0.0)
 
 
-def number_of(scene: "Scene", name: str) -> int:
+def number_of(scene: Sections, name: str) -> int:
     """Return the number of a body, or of the ground."""
     return GROUND if name == "ground" else [*scene.body].index(name)
 
 
-def point_of(scene: "Scene", name: str, pin: str) -> Point:
+def point_of(scene: Sections, name: str, pin: str) -> Point:
     """Return a pin of a body from its centre of mass, or of the ground from the origin."""
     if name == "ground":
         return pair(scene.ground.pins_m[pin])
@@ -32,13 +28,13 @@ def point_of(scene: "Scene", name: str, pin: str) -> Point:
     return _from_centre(scene, name, body.pins_m[pin])
 
 
-def _from_centre(scene: "Scene", name: str, place: Place) -> Point:
+def _from_centre(scene: Sections, name: str, place: Place) -> Point:
     centre = pair(0.0 if name == "ground" else scene.body[name].centre_of_mass_m)
     x, y = pair(place)
     return x - centre[0], y - centre[1]
 
 
-def pins_of(scene: "Scene") -> dict[str, list[str]]:
+def pins_of(scene: Sections) -> dict[str, list[str]]:
     """Return the names of what has each pin: the ground first, then bodies in the order of the file."""
     where: dict[str, list[str]] = {}
     places = {"ground": scene.ground.pins_m} | {name: body.pins_m for name, body in scene.body.items()}
@@ -48,7 +44,7 @@ def pins_of(scene: "Scene") -> dict[str, list[str]]:
     return where
 
 
-def mechanism_data(scene: "Scene") -> data.MechanismData:
+def mechanism_data(scene: Sections) -> data.MechanismData:
     """Return the mechanism by names of a scene whose parts fit each other."""
     bodies = tuple(data.BodyData(name, body.mass_kg, body.inertia_kg_m2) for name, body in scene.body.items())
     guides = _guides(scene)
@@ -63,7 +59,7 @@ def mechanism_data(scene: "Scene") -> data.MechanismData:
     )
 
 
-def _pins(scene: "Scene") -> tuple[data.Pin, ...]:
+def _pins(scene: Sections) -> tuple[data.Pin, ...]:
     """Return the joints: of each pin from the first that has it to each other, named PIN or PIN.BODY."""
     found = []
     for pin, (first, *others) in pins_of(scene).items():
@@ -83,7 +79,7 @@ def _pins(scene: "Scene") -> tuple[data.Pin, ...]:
     return tuple(found)
 
 
-def _guides(scene: "Scene") -> tuple[data.Guide, ...]:
+def _guides(scene: Sections) -> tuple[data.Guide, ...]:
     return tuple(
         data.Guide(
             number_of(scene, guide.on),
@@ -98,7 +94,7 @@ def _guides(scene: "Scene") -> tuple[data.Guide, ...]:
     )
 
 
-def _springs(scene: "Scene") -> tuple[data.Spring, ...]:
+def _springs(scene: Sections) -> tuple[data.Spring, ...]:
     found = []
     for name, spring in scene.spring.items():
         (i, pin_i), (j, pin_j) = (end.split(".") for end in spring.between)
@@ -108,7 +104,7 @@ def _springs(scene: "Scene") -> tuple[data.Spring, ...]:
     return tuple(found)
 
 
-def _load(scene: "Scene", name: str, load: Load, guides: tuple[data.Guide, ...]) -> data.Load:
+def _load(scene: Sections, name: str, load: Load, guides: tuple[data.Guide, ...]) -> data.Load:
     body = number_of(scene, name)
     return data.Load(
         body,
@@ -133,7 +129,7 @@ def _line(load: Load, body: int, guides: tuple[data.Guide, ...]) -> data.Line:
     return data.Line(GROUND, (0.0, 0.0), load.along_rad or 0.0, body, (0.0, 0.0))
 
 
-def _gas(scene: "Scene", load: Load) -> data.GasData | None:
+def _gas(scene: Sections, load: Load) -> data.GasData | None:
     gas = load.gas
     if gas is None:
         return None
@@ -146,7 +142,7 @@ def _by_time(table: ByTime | None, column: str) -> data.Table | None:
 
 
 def _drive(
-    scene: "Scene", bodies: tuple[data.BodyData, ...], guides: tuple[data.Guide, ...]
+    scene: Sections, bodies: tuple[data.BodyData, ...], guides: tuple[data.Guide, ...]
 ) -> data.DriveData:
     drive, name = scene.drive, scene.driven
     if drive.guide is not None:
@@ -171,13 +167,13 @@ def levers_m(of: data.MechanismData) -> list[float]:
     return [math.dist(a, b) for own in points.values() for a in own for b in own]
 
 
-def state_of(scene: "Scene") -> tuple[FloatArray, FloatArray]:
+def state_of(scene: Sections) -> tuple[FloatArray, FloatArray]:
     """Return the given states of all bodies as coordinates and velocities, (n,) each."""
     states = np.array([[*scene.start.states[name].model_dump().values()] for name in scene.body])
     return states[:, :3].ravel(), states[:, 3:].ravel()
 
 
-def _speed_along(scene: "Scene", of: data.MechanismData) -> float:
+def _speed_along(scene: Sections, of: data.MechanismData) -> float:
     """Return the speed in m/s along the only guide of a mechanism in the given states."""
     from reference_solver.mechanism.assembly import Joints  # most scenes do without
 

@@ -2,34 +2,22 @@
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import tomli_w
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
+from pydantic import PrivateAttr, ValidationError, ValidationInfo, model_validator
 
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.checks import check_parts
 from engine_models.scene.format import (
     TURN,
-    Body,
     Clearance,
-    Drive,
-    FreeDrive,
-    Ground,
-    Guide,
-    Load,
-    Named,
-    Observe,
-    PartName,
-    Parts,
-    PlacedStart,
     SceneError,
-    Spring,
-    Top,
+    Sections,
     period_of,
 )
 from engine_models.scene.mechanism import mechanism_data, number_of, pins_of, point_of
-from engine_models.scene.plain_words import expect, refusals, unknown
+from engine_models.scene.plain_words import refusals
 from engine_models.scene.short import OF_GENERAL, CrankSlider, Link, Slider, in_short
 from engine_models.scene.start import Placed, placed
 from reference_solver.mechanism import data
@@ -54,50 +42,17 @@ class Observed(NamedTuple):
         return "rad" if self.what == "angle" else "m"
 
 
-class Scene(Top):
-    """Any planar mechanism in motion: bodies that share pins, guides, springs, loads, a drive.
-
-    ``observe`` is what the scene is about: a pin's x or y, a body's angle, or the way along a guide.
-    ``turning`` is the body whose turns are revolutions, "" for none; it is the driven one unless it is named.
-    """
-
-    observe: Observe
-    turning: str | None = None
-    ground: Ground = Field(default_factory=lambda: Ground(pins_m=Parts()))
-    body: Annotated[
-        dict[PartName, Body],
-        Field(min_length=1),
-        AfterValidator(Parts),
-        expect("one body at least, as [body.crank]"),
-    ]
-    guide: Named[Guide] = Field(default_factory=Parts)
-    spring: Named[Spring] = Field(default_factory=Parts)
-    load: Named[Load] = Field(default_factory=Parts)
-    drive: Drive = FreeDrive(kind="free")
-    clearance: Named[Clearance] = Field(default_factory=Parts)
-    start: PlacedStart = Field(default_factory=PlacedStart)
+class Scene(Sections):
+    """A scene whose sections fit together, put together at its start; see ``Sections``."""
 
     _short: CrankSlider | None = PrivateAttr(None)
     _placed: Placed = PrivateAttr()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _has_no_unknown_in_start(cls, data: object) -> object:
-        """Refuse what is neither a key of the start nor a body, before it is looked at as a body's state."""
-        bodies, start = (data.get("body"), data.get("start")) if isinstance(data, Mapping) else (None, None)
-        if isinstance(bodies, Mapping) and isinstance(start, Mapping):
-            choices = [*PlacedStart.model_fields, *bodies]
-            for name in start:
-                if name not in choices:
-                    expected = f"a key of start or a body ({', '.join(choices)})"
-                    raise ValueError(unknown(f"start.{name}", name, choices, expected))
-        return data
 
     @model_validator(mode="after")
     def _hangs_together(self, info: ValidationInfo) -> "Scene":
         self._short = (info.context or {}).get("short")
         check_parts(self)
-        self._placed = placed(self)
+        self._placed = placed(self, self.mechanism, self._short if self.is_plain else None)
         return self
 
     @classmethod
@@ -206,20 +161,9 @@ class Scene(Top):
         return mechanism_data(self)
 
     @property
-    def gravity(self) -> Point:
-        """Gravity as an acceleration (x, y) in m/s^2."""
-        own = self.gravity_m_s2
-        return own if isinstance(own, tuple) else (0.0, -own)
-
-    @property
     def placed(self) -> Placed:
         """The start: coordinates and velocities of all bodies."""
         return self._placed
-
-    @property
-    def driven(self) -> str:
-        """The name of the driven body, or guide."""
-        return self.drive.guide or self.drive.body or next(iter(self.body))
 
     @property
     def observed(self) -> Observed:
@@ -250,11 +194,6 @@ class Scene(Top):
     def speed_is_prescribed(self) -> bool:
         """Whether the driver keeps a speed, constant or not, whatever that takes."""
         return self.mechanism.drive.prescribes
-
-    @property
-    def clock_s(self) -> float:
-        """What the drive's clock reads as a run begins."""
-        return self.start.time_s or 0.0
 
     @property
     def joints(self) -> tuple[str, ...]:

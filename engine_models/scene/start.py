@@ -4,15 +4,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from engine_models.scene.format import TableDrive, require
+from engine_models.scene.format import Sections, TableDrive, require
 from engine_models.scene.mechanism import state_of
 from engine_models.scene.plain_words import shown
+from engine_models.scene.short import CrankSlider
 from reference_solver.mechanism.curves import curve_of
-from reference_solver.mechanism.data import ConstantSpeed, DriveData
+from reference_solver.mechanism.data import ConstantSpeed, DriveData, MechanismData
 from reference_solver.tape import FloatArray
 
 if TYPE_CHECKING:
-    from engine_models.scene.scene import Scene
     from reference_solver.mechanism import assembly
 
 #: What moves by less has not moved.
@@ -30,8 +30,8 @@ class Placed(NamedTuple):
     moved: str | None = None
 
 
-def placed(scene: "Scene") -> Placed:
-    """Return the start of a scene whose parts fit each other.
+def placed(scene: Sections, of: MechanismData, plain: CrankSlider | None) -> Placed:
+    """Return the start of a scene whose parts fit each other, also by its plain short spelling.
 
     Raises:
         ValueError: there is no such start.
@@ -40,34 +40,34 @@ def placed(scene: "Scene") -> Placed:
 
     if scene.start.states:
         q, v = state_of(scene)
-        _require_closed(scene, q, v)
+        _require_closed(scene, of, q, v)
         return Placed(tuple(q.tolist()), tuple(v.tolist()))
-    speeds, along = _speeds(scene)
-    if scene.is_plain:
-        x, v = assembled(scene, scene.start.angle_rad["crank"], speeds.get(0, 0.0))
+    speeds, along = _speeds(scene, of.drive)
+    if plain is not None:
+        x, v = assembled(plain, plain.start.crank_angle_rad, speeds.get(0, 0.0))
         return Placed(tuple(x.ravel().tolist()), tuple(v.ravel().tolist()))
     try:
-        found = assemble(scene.mechanism, _told(scene, speeds, along))
+        found = assemble(of, _told(scene, speeds, along))
     except NotAssembled as reason:
-        raise ValueError(_refused(scene, str(reason))) from None
+        raise ValueError(_refused(scene, of, str(reason))) from None
     if scene.drive.kind != "free" and not found.drive_moves:
         what, came = "guide" if scene.drive.guide else "body", f"{shown(scene.driven)}, which the joints hold"
         raise ValueError(f"drive.{what}: expected a {what} that can move at the start, got {came}")
-    _check_springs(scene, found.q)
+    _check_springs(scene, of, found.q)
     return Placed(tuple(found.q.tolist()), tuple(found.v.tolist()), _moved(scene, found))
 
 
-def assembled(scene: "Scene", angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:
+def assembled(own: CrankSlider, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities, each (3, 3), of a plain crank-slider at a crank angle and speed.
 
     They are those of crank, rod and slider by (x, y, phi) of the centre of mass; of a pendulum (1, 3).
     The rod is on the side of its acute angle: the slider lies to the right of pin A.
     """
-    crank, theta, omega = scene.short.crank, angle_rad, speed_rad_s
-    state = np.zeros((2, len(scene.body), 3))
+    crank, theta, omega = own.crank, angle_rad, speed_rad_s
+    state = np.zeros((2, 1 if own.rod is None else 3, 3))
     state[:, 0, :2] = along_axis(crank.centre_of_mass_m, theta, omega)
     state[:, 0, 2] = theta, omega
-    if (rod := scene.short.rod) is not None:
+    if (rod := own.rod) is not None:
         r, length = crank.length_m, rod.length_m
         phi = np.arcsin(-r / length * np.sin(theta))
         phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
@@ -86,11 +86,11 @@ def along_axis(distance_m: float, angle_rad: float, rate_rad_s: float) -> FloatA
     )
 
 
-def _check_springs(scene: "Scene", q: FloatArray) -> None:
+def _check_springs(scene: Sections, of: MechanismData, q: FloatArray) -> None:
     """Refuse a spring whose ends are at one place, so that its force has no direction."""
     from reference_solver.mechanism.assembly import place_of
 
-    for spring in scene.mechanism.springs:
+    for spring in of.springs:
         i, j = place_of(q, spring.body_i, spring.point_i), place_of(q, spring.body_j, spring.point_j)
         has_length = spring.free_length_m > 0 or spring.damping_N_s_m > 0
         if has_length and not np.hypot(*(j - i)) > ROUND_OFF * spring.free_length_m:
@@ -99,31 +99,31 @@ def _check_springs(scene: "Scene", q: FloatArray) -> None:
             raise ValueError(f"spring.{spring.name}.between: expected {expected}, got {where} at one place")
 
 
-def _require_closed(scene: "Scene", q: FloatArray, v: FloatArray) -> None:
+def _require_closed(scene: Sections, of: MechanismData, q: FloatArray, v: FloatArray) -> None:
     """Refuse states of bodies at which joints are open, or speeds that joints and drive do not allow."""
     from reference_solver.mechanism.assembly import NotAssembled, require_closed
 
-    _check_springs(scene, q)
+    _check_springs(scene, of, q)
     try:
-        require_closed(scene.mechanism, q, v)
+        require_closed(of, q, v)
     except NotAssembled as reason:
         raise ValueError(f"start: {reason}") from None
 
 
-def _refused(scene: "Scene", reason: str) -> str:
+def _refused(scene: Sections, of: MechanismData, reason: str) -> str:
     """Return why there is no such start, with the entry that tells what does not hold."""
     start, expected = scene.start, reason.partition(", got")[0]
     if "held" in expected and start.hold:
         return f"start.hold: {reason}"
     if "speeds" not in expected:
         return f"start: {reason}"
-    drives = scene.speed_is_prescribed and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
+    drives = of.drive.prescribes and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
     also = f" (that of {scene.driven}, by the drive, among them)" if drives else ""
     key = "speed_m_s" if start.speed_m_s and not start.speed_rad_s else "speed_rad_s"
     return f"start.{key}: {reason}{also}"
 
 
-def _moved(scene: "Scene", found: "assembly.Assembled") -> str:
+def _moved(scene: Sections, found: "assembly.Assembled") -> str:
     """Return in words which bodies the assembly has turned and what it has moved along guides the most."""
     parts, told = [], [name in scene.start.position_m for name in scene.guide]
     for names, values, verb, unit in (
@@ -136,9 +136,9 @@ def _moved(scene: "Scene", found: "assembly.Assembled") -> str:
     return ", ".join(parts) or "nothing moved"
 
 
-def _speeds(scene: "Scene") -> tuple[dict[int, float], dict[int, float]]:
+def _speeds(scene: Sections, drive: DriveData) -> tuple[dict[int, float], dict[int, float]]:
     """Return the speeds at the start by the numbers of bodies and of guides: those told, and the drive's."""
-    start, drive = scene.start, scene.mechanism.drive
+    start = scene.start
     speeds = {[*scene.body].index(name): speed for name, speed in start.speed_rad_s.items()}
     along = {[*scene.guide].index(name): speed for name, speed in start.speed_m_s.items()}
     if drive.prescribes:
@@ -150,7 +150,7 @@ def _speeds(scene: "Scene") -> tuple[dict[int, float], dict[int, float]]:
     return speeds, along
 
 
-def _told(scene: "Scene", speeds: dict[int, float], along: dict[int, float]) -> "assembly.Told":
+def _told(scene: Sections, speeds: dict[int, float], along: dict[int, float]) -> "assembly.Told":
     """Return what the file tells of the start, by numbers."""
     from reference_solver.mechanism.assembly import Told
 
@@ -166,7 +166,7 @@ def _told(scene: "Scene", speeds: dict[int, float], along: dict[int, float]) -> 
     )
 
 
-def held_at_start(scene: "Scene") -> tuple[list[str], list[str]]:
+def held_at_start(scene: Sections) -> tuple[list[str], list[str]]:
     """Return the bodies and guides whose values are held.
 
     Unless ``hold`` names them, it is what is driven, else the first body or guide told.
@@ -192,7 +192,7 @@ def _speed_of(drive: DriveData) -> float:
     return float(MOTIONS[type(motion)](motion, 0.0)[1])
 
 
-def _require_speed_of_table(scene: "Scene", told: float | None, own: float) -> None:
+def _require_speed_of_table(scene: Sections, told: float | None, own: float) -> None:
     """Refuse a speed told that is not the one of the drive's table."""
     drive = scene.drive
     if not isinstance(drive, TableDrive) or told is None:

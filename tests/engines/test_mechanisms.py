@@ -147,7 +147,7 @@ def test_a_way_along_a_turning_guide_is_held_and_speeds_are_those_of_the_closed_
 @pytest.mark.parametrize("name", IDEAL_SCENES)
 def test_a_plain_crank_slider_starts_by_the_closed_formulas(name: str) -> None:
     of = IDEAL_SCENES[name]()
-    expected = assembled(of, of.short.start.crank_angle_rad, of.short.start.crank_speed_rad_s)
+    expected = assembled(of.short, of.short.start.crank_angle_rad, of.short.start.crank_speed_rad_s)
     for found, each in zip(start_state(of), expected, strict=True):
         np.testing.assert_array_equal(found, each)
     # The same start put together: one last place off it.

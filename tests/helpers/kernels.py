@@ -32,7 +32,9 @@ def straight_guide(body: int, point: Place, angle_rad: float) -> tuple[Slot, Sam
 
 def scene_case(name: str) -> Start:
     scene = IDEAL_SCENES[name]()
-    q, v = assembled(scene, scene.short.start.crank_angle_rad + 0.7, scene.short.start.crank_speed_rad_s + 10)
+    q, v = assembled(
+        scene.short, scene.short.start.crank_angle_rad + 0.7, scene.short.start.crank_speed_rad_s + 10
+    )
     driven = mechanism_of(
         scene.model_copy(
             update={"start": scene.start.model_copy(update={"crank_speed_rad_s": float(v[0, 2])})}

@@ -158,7 +158,7 @@ def motion(scene: Scene, angle: float, speed: float) -> tuple[FloatArray, FloatA
     _, slope, bend = configuration(scene, theta)
     acceleration = slope * crank_acceleration(scene)(theta, np.array([speed])) + bend * speed**2
     power = -2.0 * (slope[0, 2, 0] * speed) ** 2
-    state = np.concatenate([part.ravel() for part in assembled(scene, angle, speed)])
+    state = np.concatenate([part.ravel() for part in assembled(scene.short, angle, speed)])
     return state, np.append(acceleration.ravel(), power)
 
 
