@@ -108,4 +108,4 @@ def test_a_table_may_have_units() -> None:
     drive = {"kind": "table", "interpolation": "linear", **table}
     changes = {"drive": drive, "start.crank_speed_rad_s": 100 * math.pi, "end_time_s": 0.02}
     expected = drive | {"time_s": (0, 0.005, 0.01, 0.02), "angle_rad": (0, math.pi / 2, math.pi, 2 * math.pi)}
-    assert FREE.replace(changes).drive.model_dump(exclude_none=True) == expected
+    assert FREE.replace(changes).short.drive.model_dump(exclude_none=True) == expected
