@@ -1,7 +1,6 @@
 """Files and folders are there whole or not at all; what a kill leaves is no obstacle and does not stay."""
 
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -35,21 +34,6 @@ def test_what_a_kill_left_goes_and_what_another_still_writes_stays(tmp_path: Pat
         )
         file.write(b"content")
     assert place.read_bytes() == b"content"
-
-
-def test_a_run_that_is_killed_leaves_nothing(tmp_path: Path) -> None:
-    tell = "from crankslider import library as s; of = s.simulate;"
-    tell += "s.simulate = lambda *it, **more: print('runs', flush=True) or of(*it, **more);"
-    command = [sys.executable, "-c", f"{tell}from crankslider.command import main; main()"]
-    files = {"--out": "a.csv", "--impacts": "b.csv", "--plot": "c.png", "--animate": "d.gif"}
-    options = [word for option, name in files.items() for word in (option, tmp_path / name)]
-    long = ("simulate", "clearance-driven-0.5mm", "--end", "1000", *options)
-    with subprocess.Popen([*command, *long], stdout=subprocess.PIPE, text=True) as run:
-        assert run.stdout
-        assert run.stdout.readline() == "runs\n"
-        run.kill()
-    assert run.returncode == -signal.SIGKILL
-    assert list(tmp_path.iterdir()) == []
 
 
 KILLED = """
