@@ -72,6 +72,18 @@ class Case:
         return {**self.arm.settings, **self.added}
 
     @property
+    def compiles(self) -> frozenset[tuple[str, ...]]:
+        """What machine code the case needs that others need too: its engine's, and that of the truth.
+
+        Energy is the study that asks for no truth.
+        """
+        walls = "ideal"
+        if rooms := self.scene.clearances.values():
+            walls = "rigid" if all(room.law == "rigid" for room in rooms) else "compliant"
+        engines = (self.engine,) if self.study == "energy" else (self.engine, "reference", "scipy")
+        return frozenset((engine, walls) for engine in engines)
+
+    @property
     def key(self) -> str:
         """What identifies the case together with the code and the libraries that it is run by."""
         parts = [code_of(self.engine), self.head(), self.scene.model_dump(), asdict(self.run)]
