@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from engine_models.arms import MEANINGS, Arm, Setting
-from engine_models.engine import FloatArray, ProcessTaken, RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import engine_module
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown
@@ -139,13 +139,10 @@ def run_case(case: Case) -> tuple[Row, Curves]:
     """Run a case; where there is no run the row has what ``ended`` gives.
 
     Raises:
-        ProcessTaken: another process could run it.
         Failed: there is a bug in the study or an engine's model.
     """
     try:
         measured, curves = load_study(case.study).measure(case)
-    except ProcessTaken:
-        raise  # no answer yet
     except UnsupportedScene as refusal:
         return ended(case, "unsupported", refusal), {}
     except SimulationFailed as failure:

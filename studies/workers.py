@@ -19,7 +19,6 @@ from tempfile import NamedTemporaryFile
 from threading import Condition, Lock, Thread
 from typing import Any, TypeVar
 
-from engine_models.engine import ProcessTaken
 from studies.failures import Failed
 
 T = TypeVar("T")
@@ -64,7 +63,7 @@ class Worker:
         """Return what a call returns in the process, or raise what it raises.
 
         A call whose process has run others is run again in a new one, so that none answers for the damage
-        that another did, nor for what another loaded.
+        that another did.
 
         Raises:
             Ended: the process died of the call, exceeded the limit, or was killed.
@@ -74,10 +73,6 @@ class Worker:
             used = self._process is not None
             try:
                 return self._run(call, args, limit_s)
-            except ProcessTaken as refusal:
-                self._end()
-                if not used:
-                    raise Ended("unsupported", str(refusal)) from None
             except Ended as end:
                 if self._closed or not used or end.status in (TIMED_OUT, KILLED):
                     raise
