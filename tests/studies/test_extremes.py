@@ -14,7 +14,6 @@ from reports.extremes import Verdict, answers, verdict_on
 from reports.results import frame
 from studies import extremes
 from studies.case import Row, run_case
-from studies.extremes import paths
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 CASES = {(case.scene.name, case.engine, case.arm.name): case for case in extremes.cases(full=True)}
@@ -49,22 +48,7 @@ def test_the_gallery_has_sixty_cases_each_with_a_sentence_of_theory() -> None:
     assert len(gallery) >= 60, "a case has gone, or two have one name"
     for extreme in gallery.values():
         assert extreme.theory.endswith("."), extreme.theory
-        assert 20 < len(extreme.theory) < 130, f"{extreme.scene.name}: {len(extreme.theory)} characters"
         assert (extreme.wanted == "stop") == (extreme.stop_s is not None)
-    for name in ("step at the limit", "step beyond the limit"):
-        steps = {case.run.step_s for case in CASES.values() if case.scene.name == name}
-        assert steps == {gallery[name].step_s}, "it is the same for all"
-
-
-def test_a_scene_is_its_base_with_fields_set_and_unset_or_no_scene() -> None:
-    gallery = extremes.gallery()
-    changes = {"rod": {"inertia_kg_m2": 0.1}, "clearance": {"A": {"law": "rigid"}, "B": "none"}}
-    by_path = {"rod.inertia_kg_m2": 0.1, "clearance.A.law": "rigid", "clearance.B": None}
-    assert paths(changes) == by_path
-    refused = {name: extreme.refused for name, extreme in gallery.items() if extreme.refused}
-    assert refused["rod inertia 0"] == "rod.inertia_kg_m2: expected a finite number > 0, got 0.0"
-    assert all(gallery[name].wanted == "refusal" for name in refused)
-    assert all(name == extreme.scene.name for name, extreme in gallery.items())
 
 
 # Checks
