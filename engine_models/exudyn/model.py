@@ -26,7 +26,7 @@ from engine_models.mechanics.start_check import checked_start
 from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contact_laws import exponent_of, minimum_impact_speed_of, stiffness_of
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Course, Guide, Pin, Point
 
@@ -44,7 +44,7 @@ class Model:
     ``histories`` those of the contacts, by joint. ``start`` (links,) are the coordinates at t = 0.
     """
 
-    def __init__(self, scene: AnyScene, tree: bool) -> None:
+    def __init__(self, scene: Scene, tree: bool) -> None:
         self._container, (position, velocity) = exu.SystemContainer(), checked_start(scene)
         self.mbs, self.of, self.forces = self._container.AddSystem(), scene.mechanism, Forces(scene)
         self.branches, self._places = branches_of(self.of, tree, np.stack([position, velocity]))
@@ -169,7 +169,7 @@ class Model:
         )
         self.mbs.AddObject(joint)
 
-    def _add_contact(self, scene: AnyScene, pin: Pin, position: FloatArray, velocity: FloatArray) -> Any:
+    def _add_contact(self, scene: Scene, pin: Pin, position: FloatArray, velocity: FloatArray) -> Any:
         """Add the contact of pin, a sphere, and bearing, a hollow one.
 
         Returns:
@@ -204,7 +204,7 @@ class Model:
         self.mbs.AddObject(contact)
         return history
 
-    def _add_loads(self, scene: AnyScene, position: FloatArray) -> None:
+    def _add_loads(self, scene: Scene, position: FloatArray) -> None:
         """Add all parts of loads, springs and the torque of a drive that prescribes no motion."""
         rest = Forces(scene)  # what is left for a function of Python
         rest.block(eq.SCALARS)[0, [eq.GX, eq.GY]] = 0.0

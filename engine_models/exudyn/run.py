@@ -14,13 +14,13 @@ from engine_models.exudyn.solver import silence, simulation_settings, solve
 from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces, Reactions
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: The end of a run is off by no more than this part of it.
 ROUND_OFF = 1e-9
 
 
-def exudyn_run(engine: ExudynEngine, scene: AnyScene, run: RunSettings) -> Trajectory:
+def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajectory:
     """Run a scene that the engine supports; numbers may come out that are not finite.
 
     Samples of runs with steps as they come lie between steps (see ``Motion``).
@@ -74,7 +74,7 @@ def exudyn_run(engine: ExudynEngine, scene: AnyScene, run: RunSettings) -> Traje
         )
 
 
-def bare_run(engine: ExudynEngine, scene: AnyScene, run: RunSettings) -> BareRun:
+def bare_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> BareRun:
     """Return the same solve with nothing recorded but its ends; numbers may come out that are not finite.
 
     Raises:
@@ -89,7 +89,7 @@ def bare_run(engine: ExudynEngine, scene: AnyScene, run: RunSettings) -> BareRun
         return BareRun(solve_time_s, out[0, 0].reshape(-1, 3))
 
 
-def _solved(engine: ExudynEngine, scene: AnyScene, run: RunSettings, every: int) -> tuple[Model, float]:
+def _solved(engine: ExudynEngine, scene: Scene, run: RunSettings, every: int) -> tuple[Model, float]:
     """Return a model that has run, and the time of the solve; one in ``every`` equal steps is recorded."""
     model = Model(scene, engine.solver_of(scene) not in IMPLICIT)
     settings = simulation_settings(engine, scene, model.forces, run, every)
@@ -101,7 +101,7 @@ def _reactions(forces: Forces, motion: Motion, time_s: FloatArray) -> Reactions:
     return forces.reactions(time_s, *motion.at(time_s), contact_states(forces, motion, time_s))
 
 
-def _recorded(scene: AnyScene, model: Model, tree: bool) -> Motion:
+def _recorded(scene: Scene, model: Model, tree: bool) -> Motion:
     """Return what the model's sensors recorded.
 
     Raises:

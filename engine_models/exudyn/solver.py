@@ -18,7 +18,7 @@ from engine_models.mechanics.states import lever_m, shortest_m
 from engine_models.minimal.forces import Forces
 from engine_models.pace import Pace
 from engine_models.scene.mechanism import levers_m
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contact_laws import stiffness_of
 from reference_solver.mechanism.data import Motor
 
@@ -56,7 +56,7 @@ def silence() -> Iterator[None]:
 
 
 def simulation_settings(
-    engine: ExudynEngine, scene: AnyScene, forces: Forces, run: RunSettings, every: int
+    engine: ExudynEngine, scene: Scene, forces: Forces, run: RunSettings, every: int
 ) -> exu.SimulationSettings:
     """Return all settings of a run: equal steps to the end, unless events or a tolerance shorten them.
 
@@ -100,7 +100,7 @@ def simulation_settings(
 
 
 def _locate_events(
-    integration: exu.TimeIntegrationSettings, scene: AnyScene, engine: ExudynEngine, solver: str
+    integration: exu.TimeIntegrationSettings, scene: Scene, engine: ExudynEngine, solver: str
 ) -> None:
     """Let steps end where contacts switch, and grow again."""
     kind = "implicit" if solver in IMPLICIT else "explicit"
@@ -134,7 +134,7 @@ def _set_newton(newton: exu.NewtonSettings, bound: float) -> None:
     newton.numericalDifferentiation.minimumCoordinateSize = 1.0
 
 
-def newton_bound(scene: AnyScene, forces: Forces, solver: str, step_s: float) -> float:
+def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> float:
     """Return the increment, in m and rad, below which Newton's method need not go on in steps of a length.
 
     Powers are of the angle that the quickest body turns in a step. The first increment is of the second
@@ -161,7 +161,7 @@ def newton_bound(scene: AnyScene, forces: Forces, solver: str, step_s: float) ->
     return max(bound, LEAST_INCREMENT)
 
 
-def _tell_steps(mbs: exu.MainSystem, scene: AnyScene) -> list[BaseException]:
+def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
     """Have Exudyn call back before every step to tell how far it has come; return what was raised there.
 
     Only if somebody listens: a call takes 1 to 3 us. It changes nothing in the run.
@@ -185,7 +185,7 @@ def _tell_steps(mbs: exu.MainSystem, scene: AnyScene) -> list[BaseException]:
     return raised
 
 
-def solve(scene: AnyScene, mbs: exu.MainSystem, settings: exu.SimulationSettings, timeout_s: float) -> float:
+def solve(scene: Scene, mbs: exu.MainSystem, settings: exu.SimulationSettings, timeout_s: float) -> float:
     """Run the solver; return its wall time in s.
 
     Raises:
