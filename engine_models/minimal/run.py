@@ -5,13 +5,14 @@ It is looked for in every step, on the solver's interpolant.
 """
 
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, LSODA, RK45, Radau
+from scipy.integrate import DOP853, LSODA, Radau
 from scipy.optimize import brentq
 
 from engine_models.engine import (
@@ -29,10 +30,12 @@ from engine_models.minimal import equations as eq
 from engine_models.minimal.equations import CLIPPED, FLIGHT, PUSHED
 from engine_models.minimal.model import STEEP, Model
 from engine_models.minimal.rigid import settle
+from engine_models.pace import Pace
+from engine_models.progress import tell
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 
-METHODS = {"DOP853": DOP853, "RK45": RK45, "LSODA": LSODA, "Radau": Radau}
+METHODS = {"DOP853": DOP853, "LSODA": LSODA, "Radau": Radau}
 #: Absolute tolerance of sums, which takes them out of the error control.
 UNCONTROLLED = 1e30
 #: Signals that have just been answered are zero to round-off: they count above this, in m or as a share.
@@ -44,6 +47,8 @@ GROWN = 1.5
 FALLEN, SINGULAR = 0.2, 1e-4
 #: Kinds of events: of a contact, and where a table by an angle or a speed goes from a piece to the next.
 TOUCH, SIGN, KINK = range(3)
+#: Evaluations after which a run tells how far it has come, and after which its pace is judged.
+PAUSE, OUTLASTING = 10_000, 300_000
 #: Most corrections of a located event, and the part of the step that slopes are taken over.
 CORRECTIONS, DIFFERENCE = 3, 1e-3
 
@@ -53,7 +58,8 @@ class Choice:
     """How a scene is solved: the class, its tolerances, and the most evaluations.
 
     ``atol`` is by number of a state; those behind its end are not controlled. A ``sharp`` run ends its
-    steps at events, where others take the interpolant's state.
+    steps at events, where others take the interpolant's state. Of a ``bare`` one nobody asks for the largest
+    forces and depths of contacts.
     """
 
     method: str
@@ -62,6 +68,7 @@ class Choice:
     longest_step_s: float = np.inf
     max_evaluations: int = 5_000_000
     sharp: bool = False
+    bare: bool = False
 
 
 class Event(NamedTuple):
@@ -98,6 +105,7 @@ class Run:
         self._first_step_s: float | None = None
         self._limit_s, self._steep, self._largest = np.inf, STEEP, 0.0
         self._pieces = [kink.piece(self.y) for kink in model.kinks]
+        self._pause, self._pace = PAUSE, Pace(model.scene, OUTLASTING)
 
     def run(self) -> None:
         """Go through all times.
@@ -114,7 +122,10 @@ class Run:
             stops = np.union1d(stops, self.times_s)
         for stop in [*stops[(stops > 0) & (stops < end)].tolist(), end]:
             while self.t < stop:
-                self._segment(stop)
+                try:
+                    self._segment(stop)
+                except (Warning, ValueError) as trouble:  # LSODA's, and Radau's of a Jacobian with NaN
+                    raise self._failure(str(trouble)) from trouble
 
     def _segment(self, stop: float) -> None:
         """Go on to a stop, or to what ends the segment before: an event, or a choice of coordinates."""
@@ -128,9 +139,13 @@ class Run:
         model(self.t, self.y)
         while solver.status == "running":
             t, y, before, determinant = self.t, self.y, model.contacts_told.copy(), model.told[-2]
-            message, spent = solver.step(), solver.nfev
-            if solver.status == "failed" or self.evaluations + spent > self.choice.max_evaluations:
+            message, spent = solver.step(), self.evaluations + solver.nfev
+            if solver.status == "failed" or spent > self.choice.max_evaluations:
                 raise self._failure(message)
+            if spent > self._pause:
+                tell(t)
+                self._pace.judge(t, spent)
+                self._pause = spent + PAUSE
             self.steps += 1
             model(solver.t, solver.y)
             event = self._first_event(solver, t, before)
@@ -156,7 +171,8 @@ class Run:
             return self.model.singular(self.t)
         if message is None:
             reached = f"evaluations came no further than t = {self.t:.6g} s"
-            return SimulationFailed(f"{self.choice.max_evaluations} {reached}")
+            advice = "take a longer step, loosen rtol and atol, or raise max_evaluations"
+            return SimulationFailed(f"{self.choice.max_evaluations} {reached}: {advice}")
         return EngineFailed(f"{self.choice.method} stopped at t = {self.t:.6g} s: {message.rstrip('.')}")
 
     def _must_choose(self, before: float, step_s: float) -> bool:
@@ -288,7 +304,7 @@ class Run:
         """Record the samples between the begin of the last step and the time reached, and trace contacts."""
         due = self.times_s[len(self.states) :]
         due = due[due <= self.t]
-        traced = self._touches and not self.choice.sharp
+        traced = self._touches and not (self.choice.sharp or self.choice.bare)
         course = solver.dense_output() if len(due) or traced else None
         for t in due.tolist():
             assert course is not None
@@ -368,7 +384,8 @@ def solve(scene: AnyScene, settings: RunSettings, choice: Callable[[Model], Choi
     model, times = Model(scene), settings.times_s(scene)
     run = Run(model, times, choice(model))
     began = time.perf_counter()
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("error")
         run.run()
     return trajectory_of(run, time.perf_counter() - began)
 
