@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.animation import FFMpegWriter
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -41,31 +40,6 @@ def along(angle_rad: object) -> FloatArray:
 
 def y_labels(figure: Figure) -> list[str]:
     return [ax.get_ylabel() for ax in figure.axes]
-
-
-def test_a_plot_has_a_panel_for_what_the_scene_has(run: cs.Run) -> None:
-    motion = ["slider position [m]", "slider velocity [m/s]", "force [N]"]
-    free = cs.simulate("ideal-free", end=0.01, samples=4)
-    assert y_labels(free.plot()) == [*motion, "energy [J]"]
-    assert y_labels(run.plot()) == [*motion, "driver torque [N·m]", "energy [J]"]
-    pendulum = cs.simulate("clearance-pendulum", end=0.01, samples=4)
-    assert y_labels(pendulum.plot()) == [
-        "crank angle [rad]",
-        "crank speed [rad/s]",
-        "force [N]",
-        "energy [J]",
-    ]
-
-
-@pytest.mark.parametrize("scene", ["clearance-driven-AB", "ideal-compressor", "rigid-pendulum"])
-def test_no_text_leaves_its_figure(scene: str) -> None:
-    run = cs.simulate(scene, end=0.005, samples=20)
-    for figure in (run.plot(), *(run.plot_orbit(joint) for joint in run.scene.joints_with_clearance)):
-        figure.draw_without_rendering()  # lays it out
-        drawn, (width, height) = figure.get_tightbbox(), figure.get_size_inches()
-        assert min(drawn.x0, drawn.y0) >= 0, drawn
-        assert drawn.x1 <= width, drawn
-        assert drawn.y1 <= height, drawn
 
 
 def test_at_its_true_size_the_mechanism_is_drawn_where_it_was(run: cs.Run) -> None:
@@ -157,20 +131,6 @@ def test_bodies_are_polygons_bars_or_blocks_and_marks_point_as_loads_and_drives_
     assert driven.sign.tolist() == [1] * 5
 
 
-@pytest.mark.parametrize(
-    ("scene", "entries"),
-    [
-        ("offset-crank-slider", ["joint O on the crank", "joint A on the rod", "joint B on the slider"]),
-        ("andrews-squeezer", ["joint forces, each on the body named later", "spring", "drive"]),
-        (ON_A_TABLE, ["joint Q on the wheel", "joint H on the arm", "spring", "load", "drive"]),
-    ],
-)
-def test_a_legend_has_what_the_scene_has(scene: Any, entries: list[str]) -> None:
-    stage = Stage(drawing(cs.simulate(scene, end=0.01, samples=4)), "")
-    (legend,) = stage.picture.legends
-    assert [found for each in legend.get_texts() if "guide" not in (found := each.get_text())] == entries
-
-
 @pytest.mark.parametrize("scene", [*MECHANISMS, ON_A_TABLE], ids=[*MECHANISMS, "table"])
 def test_every_mechanism_has_its_pictures(scene: Any) -> None:
     run = cs.simulate(scene, end=0.005, samples=3)
@@ -221,8 +181,3 @@ def test_a_page_holds_its_whole_film_and_needs_nothing_else(run: cs.Run) -> None
     assert page.count('"iVBOR') == len(run.frame)
     assert "http" not in page
     assert f'max="{len(run.frame) - 1}"' in page
-
-
-@pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")
-def test_with_ffmpeg_there_is_mp4(run: cs.Run) -> None:
-    assert run.film(".mp4", 1.0)[4:8] == b"ftyp"

@@ -5,7 +5,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -19,13 +18,13 @@ from engine_models.engine import RunSettings
 from engine_models.scene.library import ideal_free
 from studies import case as cases_module
 from studies import extremes
-from studies.case import Case, Row, code_of, ended, project_code, run_case
+from studies.case import Case, Row, code_of, project_code, run_case
 from studies.failures import Failed
 from studies.runner import Call, lacks
 from studies.store import LOCK, Store
-from studies.workers import CRASHED, KILLED, Ended
+from studies.workers import KILLED
 from tests.helpers.mischief import NAME, steady
-from tests.helpers.running import HEAR, IGNORE, add_line, copied, gone, rows_in, run_in, started, until
+from tests.helpers.running import HEAR, add_line, copied, gone, rows_in, run_in, started, until
 
 GALLERY = {(case.engine, case.arm.name, case.scene.name): case for case in extremes.cases(full=True)}
 CASES = 15
@@ -89,24 +88,12 @@ def test_a_row_without_a_run_says_who_failed(
     assert reason in str(row["reason"])
 
 
-def test_a_process_that_ended_is_no_exception_of_an_engine() -> None:
-    row = ended(case(), CRASHED, Ended(CRASHED, "killed by SIGSEGV"))
-    told = {"status": CRASHED, "reason": "killed by SIGSEGV", "exception": "Ended"}
-    assert row == {**case().head(), **told}
-
-
 def test_a_process_with_other_code_breaks_the_run() -> None:
     call = Call(case())
     call.code = "0" * 16
     other = rf"a process has other code or libraries \({code_of('reference')}\) than the run \(0{{16}}\)"
     with pytest.raises(Failed, match=other):
         call.answer()
-
-
-def test_a_row_tells_what_limit_it_had_and_whether_it_was_timed() -> None:
-    assert not {"timed", "time_limit_s"} & set(case().head())
-    head = replace(case(), timed=True, limit_s=1.5).head()
-    assert (head["timed"], head["time_limit_s"]) == (True, 1.5)
 
 
 def test_equal_cases_have_equal_keys_and_every_change_another(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -205,20 +192,6 @@ def test_a_signal_ends_a_run_that_hangs_with_one_word_and_keeps_what_was_finishe
     assert "Traceback" not in stderr
     assert all(gone(pid) for pid in workers)
     assert [row["status"] for row in measured(tmp_path)] == ["ok", "ok"]
-
-
-@pytest.mark.system
-@of_processes
-def test_a_run_whose_shell_ignores_ctrl_c_ignores_it_and_ends_on_sigterm(tmp_path: Path) -> None:
-    with hanging(tmp_path, IGNORE) as (run, workers):
-        os.killpg(run.pid, signal.SIGINT)
-        time.sleep(0.5)
-        assert run.poll() is None
-        assert not any(gone(pid) for pid in workers)
-        run.terminate()
-        _, stderr = run.communicate(timeout=30)
-    assert (run.returncode, stderr.endswith("error: interrupted\n")) == (130, True)
-    assert all(gone(pid) for pid in workers)
 
 
 @pytest.mark.system

@@ -9,14 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from studies.whole_file import (
-    LEFT_S,
-    require_folder,
-    require_place,
-    whole_file,
-    whole_folder,
-    write_whole,
-)
+from studies.whole_file import LEFT_S, require_place, whole_file, whole_folder
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal
 
@@ -42,15 +35,6 @@ def test_what_a_kill_left_goes_and_what_another_still_writes_stays(tmp_path: Pat
         )
         file.write(b"content")
     assert place.read_bytes() == b"content"
-
-
-def test_a_file_keeps_the_permissions_of_any_new_one_and_a_link_its_place(tmp_path: Path) -> None:
-    (tmp_path / "plain").touch()
-    (tmp_path / "link").symlink_to(tmp_path / "there")
-    write_whole(tmp_path / "link", b"content")
-    assert (tmp_path / "link").is_symlink()
-    assert (tmp_path / "there").read_bytes() == b"content"
-    assert (tmp_path / "there").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
 def test_a_run_that_is_killed_leaves_nothing(tmp_path: Path) -> None:
@@ -145,27 +129,3 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     done = crankslider(*command, place)
     option = f"{str(command[-1])[2:]}: expected a place that can be written"
     require_refusal(done.stdout, done.stderr, done.code, option, f"({OBSTACLES[kind]})")
-
-
-@pytest.mark.parametrize("kind", ["a link to nowhere", "a link to itself", "below a file"])
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("run", "--out"),
-        ("compare", "clearance-driven-0.5mm", "--out"),
-        ("report", "--out"),
-        ("conform", "pymunk", "--accept", "--why", "so", "--baselines"),
-    ],
-    ids=lambda command: command[0],
-)
-def test_a_place_that_can_be_no_folder_is_refused_before_the_work(
-    command: tuple[object, ...], kind: str, tmp_path: Path
-) -> None:
-    done = crankslider(*command, obstacle(tmp_path, kind, "results"))
-    option = f"{str(command[-1])[2:]}: expected a place that can be written"
-    require_refusal(done.stdout, done.stderr, done.code, option, "(Not a directory)")
-
-
-def test_a_folder_that_is_not_there_can_be_made(tmp_path: Path) -> None:
-    require_folder(tmp_path / "a" / "b")
-    assert list(tmp_path.iterdir()) == []

@@ -10,7 +10,6 @@ from engine_models.engines import ENGINES
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
 from tests.helpers.command import crankslider
-from tests.helpers.engines import supporting
 
 #: Through set R's first impacts at steps of three degrees, past which a hundredth of the clearance is lost.
 SCENE = SCENES["clearance-driven-0.5mm"]().replace("end_time_s", 0.036)
@@ -79,17 +78,3 @@ def test_a_doubtful_run_is_written_with_a_warning(engine: str, step: float, quie
     assert ", past 1 % at t = 0.0" in warning
     assert (notes == []) == bool(quiet)
     assert all(note.startswith("note: ") for note in notes)
-
-
-@pytest.mark.parametrize(
-    ("scene", "engine"),
-    [
-        (name, own)
-        for name in ("ideal-driven", "clearance-driven-0.1mm")
-        for own in supporting(SCENES[name]())
-    ],
-)
-def test_a_sound_run_is_written_without_a_warning(scene: str, engine: str) -> None:
-    done = crankslider("simulate", scene, "--engine", engine, "--end", 0.003)
-    assert (done.code, done.stderr[:6]) == (0, "note: ")
-    assert "warning" not in done.stderr

@@ -4,7 +4,6 @@ import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -41,22 +40,6 @@ def test_a_table_ends_where_two_solutions_part_and_has_no_impact_past_it(tmp_pat
     assert (impacts["time_s"] + impacts["duration_s"]).max() <= end
     assert f"warning: two solutions diverge after t = {end:.6g} s; samples end there" in told.stderr
     assert "by independent equations" in told.stderr
-
-
-@pytest.mark.parametrize(
-    ("name", "changes"),
-    [
-        ("ideal-driven", {"end_time_s": 0.004}),
-        ("clearance-pendulum", {"gravity_m_s2": 0.0, "start.crank_speed_rad_s": 0.0, "end_time_s": 0.01}),
-    ],
-    ids=["moving", "at rest"],
-)
-def test_nothing_is_certain_beyond_the_last_digit_of_its_size(name: str, changes: dict[str, float]) -> None:
-    scene = cs.scenes[name].replace(changes)
-    known = cs.truth(scene, samples=4)
-    moving = "slider_position_m" in known.frame
-    size = known.frame["slider_position_m"].max() if moving else 0.1
-    assert known.certain_m >= np.spacing(size)
 
 
 def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
