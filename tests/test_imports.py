@@ -35,7 +35,7 @@ FILES = [
 ]
 TESTS = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("*.py"))
 MOST_ENTRIES = 28
-ENGINE_ROOMS = tuple(f"engine_models/{room}/" for room in ("reference", "exudyn", "pymunk", "scipy_ivp"))
+ENGINE_ROOMS = tuple(f"engine_models/{room}/" for room in ("reference", "exudyn", "pymunk"))
 
 
 def file_of(name: str) -> str:

@@ -49,6 +49,8 @@ FALLEN, SINGULAR = 0.2, 1e-4
 TOUCH, SIGN, KINK = range(3)
 #: Evaluations after which a run tells how far it has come, and after which its pace is judged.
 PAUSE, OUTLASTING = 10_000, 300_000
+#: The part of a step behind which the rate of a gap is looked at first.
+ASIDE = 1e-6
 #: Most corrections of a located event, and the part of the step that slopes are taken over.
 CORRECTIONS, DIFFERENCE = 3, 1e-3
 
@@ -224,8 +226,9 @@ class Run:
                 level, end = self._levels.get((k, kind), 0.0), solver.t
                 past = self._signal(now, k, kind) > level
                 rate, rate_now = (told[k, eq.RATE] * (1 if flies else -1) for told in (before, now))
-                if not past and kind == TOUCH and rate > 0.0 > rate_now:
-                    end = self._root(solver, partial(_rate, k), t, end)
+                if not past and kind == TOUCH and rate >= 0.0 > rate_now:
+                    begin = t + ASIDE * (end - t)  # a pin at the centre of its bearing has a rate of zero
+                    end = self._root(solver, partial(_rate, k), begin, end)
                     past = self._signal(self._told(solver.dense_output(), end), k, kind) > level
                 if past:
                     at = self._root(solver, partial(self._above, level, k, kind), t, end)
@@ -314,6 +317,8 @@ class Run:
             for t in along_steps(np.zeros(0), begin, self.t).tolist():
                 told = self._told(course, t)
                 for k, touch in self._touches.items():
+                    if touch.trace and t <= touch.trace[-1][0]:
+                        continue
                     touch.trace.append((t, told[k, eq.NORMAL], self._depth(told, k)))
 
     def _depth(self, told: FloatArray, k: int) -> float:
@@ -360,6 +365,9 @@ class Run:
         speed = float(told[eq.RATE] * wall[eq.C] / (wall[eq.C] + self._depth(self.model.contacts_told, k)))
         model.phases[k] = PUSHED, wall[eq.A] / max(speed, wall[eq.SLOWEST]), 0.0
         self._touches[k] = Touch(self.t, speed, self._sums(k))
+        model(self.t, self.y)
+        if len(self._kinds(k)) > 1 and model.contacts_told[k, eq.SHARE] < 0.0:  # begun on its way out
+            model.phases[k, 0] = CLIPPED
 
     def _release(self, k: int) -> None:
         self.model.phases[k] = 0.0

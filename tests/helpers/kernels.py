@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.mechanics.assembly import assembled
-from engine_models.mechanics.equations import mechanism_of
+from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.equations import Baumgarte
 from reference_solver.mechanism.mechanism import GROUND, Mechanism, SameAngle, Slot
