@@ -56,10 +56,6 @@ class MyEngine:
         position[1:, -1, 0] += self.off_m
         forces = {{joint: self.stronger * force for joint, force in run.joint_force_N.items()}}
         return replace(run, position=position, joint_force_N=forces)
-
-
-class Nothing:
-    """No engine."""
 '''
 NAME = "my_module:MyEngine"
 

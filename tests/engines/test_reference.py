@@ -171,7 +171,6 @@ class Case(NamedTuple):
 
 #: A spline whose last two values are equal ends at rest there, and is not-a-knot at its other end.
 OF_FORCE, OF_TORQUE = spline(TIMES, FORCES), spline(TIMES, TORQUES, ("not-a-knot", (1, 0.0)))
-OF_SPEED = spline(SPEEDS, BY_SPEED)
 OF_GAS = spline(QUARTERS, GAS, "periodic")
 LINES: dict[str, object] = {"interpolation": "linear"}
 #: SciPy's steps go over kinks by angle and speed, and errors there grow by some hundred times to the end; the
@@ -181,21 +180,17 @@ STEPPED_OVER = 2e-7
 LATE: dict[str, object] = {"start.time_s": 0.05}
 
 
-def on_slider(t: float, angle: float, speed: float, at: Path) -> float:
-    """Return what all forces along the guide do, gas over two turns among them."""
+def by_loads(t: float, angle: float, speed: float, at: Path) -> float:
+    """Return what all loads do, gas over two turns and a spring from joint O to the slider among them."""
     way, rate = at.place[2].real, at.first[2].real
     gas = OF_GAS(0.2 + (angle - 0.2) % PERIOD)
-    return (1.5 - 2.0 * rate * speed - 60.0 * (way - 0.13) + OF_FORCE(t) + gas) * rate
-
-
-def on_links(t: float, _angle: float, speed: float, at: Path) -> float:
-    """Return what loads on crank and rod do, and a spring with a damper between joint O and the slider."""
+    along = 1.5 - 2.0 * rate * speed - 60.0 * (way - 0.13) + OF_FORCE(t) + gas
     force = 2.0 * cmath.exp(1j * (1.1 - ALPHA))
     rod = 0.05 * at.turn[1] - 1e-3 * at.turn[1] ** 2 * speed + (force.conjugate() * at.first[1]).real
     length = abs(at.place[2])
     stretch = (at.place[2].conjugate() * at.first[2]).real / length
     sprung = -(400.0 * (length - 0.1) + 3.0 * stretch * speed) * stretch
-    return rod + OF_TORQUE(t) - 2e-3 * speed + sprung
+    return along * rate + rod + OF_TORQUE(t) - 2e-3 * speed + sprung
 
 
 def by_lines(t: float, _angle: float, _speed: float, at: Path) -> float:
@@ -203,14 +198,10 @@ def by_lines(t: float, _angle: float, _speed: float, at: Path) -> float:
     return lines(TIMES, TORQUES)(t) + lines(TIMES, FORCES)(t) * at.first[2].real
 
 
-def by_motor(curve: Callable[[float], float], gas: Callable[[float], float] | None = None) -> Extra:
-    """Return a motor's torque, with end values beyond its table, and a gas force's."""
-
-    def extra(_t: float, angle: float, speed: float, at: Path) -> float:
-        force = 0.0 if gas is None else gas(0.2 + (angle - 0.2) % PERIOD) * at.first[2].real
-        return curve(min(max(speed, SPEEDS[0]), SPEEDS[-1])) + force
-
-    return extra
+def by_motor(_t: float, angle: float, speed: float, at: Path) -> float:
+    """Return what a motor, with end values beyond its table, and gas do, both by straight lines."""
+    force = lines(QUARTERS, GAS)(0.2 + (angle - 0.2) % PERIOD) * at.first[2].real
+    return lines(SPEEDS, BY_SPEED)(speed) + force
 
 
 LOADS = {"force_N": 1.5, "viscous_N_s_m": 2.0, "spring_N_m": 60.0, "free_position_m": 0.13}
@@ -223,17 +214,16 @@ SPRING = {"stiffness_N_m": 400.0, "free_length_m": 0.1, "damping_N_s_m": 3.0}
 GASES = {"crank_angle_rad": QUARTERS, "force_N": GAS}
 FORCE_BY_TIME = {"time_s": TIMES, "force_N": FORCES}
 CASES = {
-    "loads on the slider, gas over two turns": Case(
-        {"load.slider": {**LOADS, "by_time": FORCE_BY_TIME, "gas": GASES}, **LATE}, on_slider, bound=1e-8
-    ),
-    "loads on crank and rod, a spring": Case(
+    "loads": Case(
         {
+            "load.slider": {**LOADS, "by_time": FORCE_BY_TIME, "gas": GASES},
             "load.rod": OF_ROD,
             "load.crank": {"viscous_N_m_s": 2e-3, "by_time": BY_TIME},
             "spring.S": {"between": ["ground.O", "slider.B"], **SPRING},
             **LATE,
         },
-        on_links,
+        by_loads,
+        bound=1e-8,
     ),
     "torque and force by lines over time": Case(
         {
@@ -244,10 +234,9 @@ CASES = {
         by_lines,
         TIMES,
     ),
-    "motor": Case({"drive": {"kind": "motor", **BY_SPEEDS}}, by_motor(OF_SPEED), bound=STEPPED_OVER),
     "motor and gas by lines": Case(
         {"drive": {"kind": "motor", **BY_SPEEDS, **LINES}, "load.slider.gas": {**GASES, **LINES}},
-        by_motor(lines(SPEEDS, BY_SPEED), lines(QUARTERS, GAS)),
+        by_motor,
         bound=STEPPED_OVER,
     ),
 }
@@ -262,7 +251,7 @@ def test_what_is_new_does_what_its_equation_says(name: str) -> None:
     assert np.abs(run.position[:, 0, 2] - expected).max() < case.bound
     without = turned(of, no_more, run.time_s)
     assert np.abs(without - expected).max() > 1e-2, "there is something to see"
-    if name == "motor":
+    if name.startswith("motor"):
         speed = run.velocity[:, 0, 2]
         assert speed.min() < SPEEDS[0], "it turns more slowly than its table begins"
         assert speed.max() > SPEEDS[-1], "and faster than it ends"

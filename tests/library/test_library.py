@@ -64,20 +64,6 @@ def test_quality_says_the_parts_in_one_line(loose_run: cs.Run) -> None:
     )
 
 
-def test_another_value_in_a_field_makes_another_scene() -> None:
-    changed = LOOSE.replace("clearance.B.radial_clearance_m", 1e-4)
-    assert changed.clearance.B is not None
-    assert changed.clearance.B.radial_clearance_m == 1e-4
-    assert changed.replace("clearance.B.radial_clearance_m", 5e-4) == LOOSE
-    assert LOOSE.replace({"end_time_s": 1.0, "clearance.B": None}).joints_with_clearance == ()
-    both = LOOSE.replace("clearance.A", LOOSE.clearance.B)
-    assert both.joints_with_clearance == ("A", "B")
-    friction = {"law": "tanh", "coefficient": 0.1, "regularisation_speed_m_s": 0.1}
-    rubbing = LOOSE.replace({f"clearance.B.friction.{name}": value for name, value in friction.items()})
-    assert rubbing.clearance.B is not None
-    assert rubbing.clearance.B.friction is not None
-
-
 def test_a_notebook_shows_what_ran_how_well_and_a_figure() -> None:
     run = cs.simulate(cs.scenes["ideal-free"].replace("name", "<i>mine"), end=0.01, samples=4)
     html = run._repr_html_()

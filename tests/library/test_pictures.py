@@ -98,17 +98,6 @@ def test_a_slot_lies_on_its_body_and_is_as_long_as_its_pin_needs() -> None:
     assert drawing(run).guides["frame"].has_block
 
 
-def test_a_guide_s_force_acts_on_its_block_across_the_guide() -> None:
-    run = cs.simulate("offset-crank-slider", end=0.05, samples=20)
-    force = drawing(run).forces["guide on the slider"]
-    np.testing.assert_allclose(force.place_m, run.trajectory.position[:, 2, :2], rtol=0, atol=ROUND_OFF_M)
-    normal = run.frame["guide_normal_force_N"].to_numpy()
-    np.testing.assert_allclose(force.force_N @ [-np.sin(0.3), np.cos(0.3)], normal)
-    np.testing.assert_allclose(
-        force.force_N @ [np.cos(0.3), np.sin(0.3)], 0.0, atol=1e-12 * np.abs(normal).max()
-    )
-
-
 def test_bodies_are_polygons_bars_or_blocks_and_marks_point_as_loads_and_drives_act() -> None:
     drawn = drawing(cs.simulate(ON_A_TABLE, samples=4))
     assert {name: corners.shape for name, corners in drawn.bodies.items()} == {
@@ -150,20 +139,6 @@ def test_every_mechanism_has_its_pictures(scene: Any) -> None:
     own = "slider" if "slider_position_m" in run.frame else run.scene.observed.name.replace(".", " ")
     motion = [label for label in y_labels(run.plot()) if label.replace("\n", " ").startswith(own)]
     assert len(motion) == 2
-
-
-def test_a_plot_of_any_mechanism_has_what_it_observes_and_the_largest_forces() -> None:
-    run = cs.simulate("andrews-squeezer", samples=60)
-    figure = run.plot()
-    motion = ["K3 angle [rad]", "K3 angle velocity\n[rad/s]", "6 largest: force [N]"]
-    assert y_labels(figure) == [*motion, "driver torque [N·m]", "energy [J]"]
-    np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), run.frame["K3_angle_rad"])
-    forces = {
-        f"joint {name}": run.frame[f"joint_{name}_force_x_N"] ** 2 + run.frame[f"joint_{name}_force_y_N"] ** 2
-        for name in run.scene.joints
-    }
-    largest = sorted(forces, key=lambda name: float(forces[name].max()))[-6:]
-    assert {str(line.get_label()) for line in figure.axes[2].lines} == {*largest}
 
 
 def test_a_film_moves(run: cs.Run) -> None:

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 from matplotlib.patches import Circle
 from matplotlib.quiver import Quiver
-from matplotlib.text import Annotation
 
 from reports.plots.picture import Picture
 from reports.results import FloatArray
@@ -75,15 +74,6 @@ def test_every_panel_over_time_has_its_own_numbers_under_their_names() -> None:
         "dissipated": [2.0, 2.1, 2.2],
     }
     assert picture.axes[-1].get_xlabel() == "time [s]"
-
-
-def test_a_mark_stands_in_the_panel_of_forces_and_is_named_on_its_free_side() -> None:
-    for time_s, side in ((0.25, "left"), (0.75, "right")):
-        picture = time_plot(FRAME, "scene", "quality", (time_s, 90.0, "largest"))
-        assert [points(picture, k).get("_mark") for k in range(4)] == [None, None, ([time_s], [90.0]), None]
-        (name,) = (text for text in picture.axes[2].texts if isinstance(text, Annotation))
-        assert (name.get_text(), name.xy, name.get_horizontalalignment()) == ("largest", (time_s, 90.0), side)
-        assert picture.axes[2].get_ylim()[1] > 90.0
 
 
 def at(x: float, y: float) -> FloatArray:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
@@ -77,18 +76,6 @@ def test_a_row_has_median_least_and_largest_of_the_perturbed_runs(monkeypatch: p
 
 
 # Members
-
-
-def test_every_ensemble_has_starts_of_its_own_from_a_whole_turn() -> None:
-    starts: dict[tuple[str, str], list[float]] = {}
-    for case in study.cases(True):
-        if "member" in case.columns:
-            own = starts.setdefault((case.scene.name, str(case.columns["part"])), [])
-            own.append(float(str(case.columns["start_moved_rad"])))
-    assert [len(own) for own in starts.values()] == [200] * 10
-    assert len({*np.concatenate([*starts.values()])}) == 2000
-    for own in starts.values():
-        assert stats.kstest(own, stats.uniform(-np.pi, 2 * np.pi).cdf).pvalue > 1e-4
 
 
 def test_a_member_in_continuous_contact_has_no_impacts_and_a_deviation_of_one_clearance() -> None:

@@ -29,11 +29,6 @@ def test_a_slider_that_shorter_steps_move_is_in_doubt_from_a_time_on() -> None:
     [
         ({}, []),
         ({"step_tolerance": 1e-6}, ["step_tolerance changes nothing with method = rk4"]),
-        ({"method": "dop853", "step_tolerance": 1e-6}, []),
-        (
-            {"method": "dop853", "steps_per_contact": 50.0},
-            ["steps_per_contact changes nothing with method = dop853"],
-        ),
         ({"baumgarte_alpha_s": 50.0}, ["baumgarte_alpha_s changes nothing with stabilisation = projection"]),
         (BAUMGARTE | {"baumgarte_alpha_s": 50.0}, []),
     ],
@@ -66,15 +61,3 @@ def test_a_step_too_long_for_pymunk_says_so() -> None:
     assert (done.code, done.stdout) == (1, "")
     assert done.stderr.startswith("error: energy off by 5")
     assert done.stderr.endswith("with step 0.005 s: shorten the step, or sharpen the tolerance\n")
-
-
-@pytest.mark.parametrize(("engine", "step"), [("pymunk", 1e-3), ("exudyn", 2e-3)])
-@pytest.mark.parametrize("quiet", [(), ("--quiet",)], ids=["aloud", "quiet"])
-def test_a_doubtful_run_is_written_with_a_warning(engine: str, step: float, quiet: tuple[str, ...]) -> None:
-    done = crankslider("simulate", "ideal-free", "--engine", engine, "--step", step, "--out", "-", *quiet)
-    assert (done.code, len(done.stdout.splitlines())) == (0, 202)
-    warning, *notes = done.stderr.splitlines()
-    assert warning.startswith("warning: energy off by ")
-    assert ", past 1 % at t = 0.0" in warning
-    assert (notes == []) == bool(quiet)
-    assert all(note.startswith("note: ") for note in notes)

@@ -2,11 +2,9 @@
 
 import json
 from pathlib import Path
-from unittest.mock import patch
 
 import pandas as pd
 import pytest
-from matplotlib.animation import FFMpegWriter
 from pyarrow import parquet
 
 from engine_models.scene.file import from_toml
@@ -90,17 +88,6 @@ def test_an_output_file_is_replaced_and_a_device_is_not(tmp_path: Path) -> None:
     assert Path("/dev/null").is_char_device()
 
 
-def test_a_failed_run_says_when_and_leaves_an_existing_file_alone(tmp_path: Path) -> None:
-    out = tmp_path / "out.csv"
-    out.write_text("before")
-    coarse = ("--engine", "pymunk", "--set", "iterations=1", "--step", 0.01)
-    done = crankslider("simulate", "ideal-free", *coarse, "--out", out)
-    assert (done.code, done.stdout, done.stderr.count("\n")) == (1, "", 1)
-    assert done.stderr.startswith("error: ")
-    assert "at t = " in done.stderr
-    assert [file.read_text() for file in tmp_path.iterdir()] == ["before"]
-
-
 def test_the_scene_is_not_overwritten_by_its_own_output(tmp_path: Path) -> None:
     file = tmp_path / "mine"
     file.write_text(before := crankslider("show", "ideal-free").stdout)
@@ -115,13 +102,6 @@ def test_a_full_disk_is_told_of_the_file_that_it_struck(option: str, tmp_path: P
     done = crankslider(*LOOSE, option, "/dev/full", other, tmp_path / "a.csv")
     require_refusal(done.stdout, done.stderr, done.code, f"{option[2:]}: expected", "No space left on device")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_without_ffmpeg_mp4_is_refused_before_the_run(tmp_path: Path) -> None:
-    with patch.object(FFMpegWriter, "isAvailable", return_value=False):
-        done = crankslider("simulate", "ideal-free", "--end", 1e5, "--animate", tmp_path / "film.mp4")
-    expected = "animate: expected a file that ends in .html or .gif where ffmpeg is not installed"
-    require_refusal(done.stdout, done.stderr, done.code, expected)
 
 
 # Changed fields, and what is said

@@ -68,13 +68,6 @@ def test_there_are_as_many_blocks_of_whole_periods_as_say_something_new(periods:
     assert blocks_of(periods) == blocks
 
 
-@pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
-def test_a_power_of_time_is_found_below_its_swing(power: float) -> None:
-    swing = np.cos(2 * np.pi * 40 * TIME)
-    # The last crest is up to half a period old: 12 % of the time at the beginning of the fit.
-    assert growth_exponent(TIME, 3e-9 * TIME**power * swing) == pytest.approx(power, abs=0.1)
-
-
 @pytest.mark.parametrize(
     ("time_s", "value", "power"),
     [

@@ -1,12 +1,11 @@
 """Judges on runs whose errors are put there by hand: what comes out is the number that was put in."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from engine_models.engine import Contact, Impacts, Trajectory
+from engine_models.engine import Trajectory
 from engine_models.mechanics.samples import selected
 from engine_models.minimal.engine import SharpSolver
 from engine_models.reference.engine import SHARPEST, ReferenceEngine
@@ -17,16 +16,7 @@ from studies.judges.comparison import Judged, compared
 from studies.judges.converged_truth import Solved, reach
 from studies.judges.energy_ledger import constraint_speed_m_s
 from studies.judges.horizon import first_beyond_s
-from studies.judges.metrics import (
-    conserved,
-    constraint_violation_m,
-    errors,
-    in_flight,
-    scales,
-    sizes,
-    uncertainties,
-    with_suffix,
-)
+from studies.judges.metrics import conserved, constraint_violation_m, errors, scales, sizes, uncertainties
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 POSITION = "slider_position_error_m"
@@ -148,25 +138,6 @@ def test_a_scale_is_the_largest_distance_from_the_mean_over_time() -> None:
     assert scales(ideal_driven(), early)["slider_position_scale_m"] == pytest.approx(23 / 6 - 1)
 
 
-def test_a_suffix_goes_before_the_unit() -> None:
-    assert with_suffix("driver_torque_N_m", "error") == "driver_torque_error_N_m"
-    assert with_suffix("slider_velocity_m_s", "error") == "slider_velocity_error_m_s"
-    with pytest.raises(ValueError, match="column"):
-        with_suffix("nothing", "error")
-
-
-def test_a_truth_at_other_times_is_refused_by_its_samples() -> None:
-    scene, late = ideal_driven(), exact(ideal_driven(), 100)
-    late = replace(late, time_s=late.time_s * (1 + 1e-6))
-    for truth in (exact(scene, 50), exact(scene.model_copy(update={"end_time_s": 0.01}), 100), late):
-        with pytest.raises(
-            ValueError, match=r"truth: expected the run's 101 times up to 0.024 s, got \d+ up"
-        ):
-            errors(scene, exact(scene, 100), truth)
-    with pytest.raises(ValueError, match="samples: expected an integer >= 1 and <= 100000, got 0"):
-        converged_truth.converged(scene, 0)
-
-
 # Constraints and forces
 
 
@@ -201,40 +172,6 @@ def test_a_slider_off_its_guide_with_all_joints_closed_is_a_violation_too() -> N
 
 
 # Contacts
-
-
-def contact(*depths_m: float) -> Contact:
-    depth, none = np.array(depths_m), np.zeros(0)
-    told: dict[str, Any] = {"gap_m": np.zeros((len(depth), 2)), "impacts": Impacts(*[none] * 9)}
-    zero = ("normal_force_N", "elastic_energy_J", "normal_impulse_N_s", "normal_loss_J")
-    told |= dict.fromkeys(zero, 0 * depth)
-    told |= dict.fromkeys(("friction_force_N", "friction_loss_J", "clipped_loss_J"))
-    return Contact(penetration_m=depth, **told)
-
-
-def loose(**contacts: Contact) -> Trajectory:
-    """Return a run at rest with these contacts."""
-    n = max(len(each.penetration_m) for each in contacts.values())
-    still = np.zeros((n, 3, 3))
-    return Trajectory(
-        time_s=np.arange(float(n)),
-        position=still,
-        velocity=still,
-        joint_force_N=dict.fromkeys("OAB", still[:, 0, :2]),
-        guide_force_N={"guide": still[:, 0, 0]},
-        driver_torque_N_m=None,
-        driver_work_J=None,
-        step_s=1.0,
-        steps=n,
-        solve_time_s=1.0,
-        contacts=contacts,
-    )
-
-
-def test_all_pins_fly_where_each_does() -> None:
-    run = loose(A=contact(-1, 1, -1, 0), B=contact(-1, -1, 1, -1))
-    assert in_flight(run).tolist() == [True, False, False, False]
-    assert in_flight(run, loose(B=contact(1, 1, 1, 1))).tolist() == [False] * 4
 
 
 def test_a_horizon_is_the_first_time_beyond() -> None:
