@@ -27,7 +27,10 @@ OF_MINIMAL = (
     "engine_models.kernels.",
     "engine_models.mechanics.impacts.",
     "engine_models.mechanics.states.",
+    "engine_models.memory.",
     "engine_models.minimal.",
+    "engine_models.pace.",
+    "engine_models.progress.",
     "reference_solver.mechanism.data.",
 )
 FILES = [

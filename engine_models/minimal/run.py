@@ -97,7 +97,7 @@ class Run:
     def __init__(self, model: Model, times_s: FloatArray, choice: Choice) -> None:
         self.model, self.times_s, self.choice = model, times_s, choice
         self.t: float = 0.0
-        self.y: FloatArray = model.start
+        self.y: FloatArray = model.start.copy()
         self.states, self.told, self.steps, self.evaluations = list[FloatArray](), list[FloatArray](), 0, 0
         self.impacts: list[list[list[float]]] = [[] for _ in model.phases]
         self._touches = dict[int, Touch]()
@@ -107,7 +107,7 @@ class Run:
         self._first_step_s: float | None = None
         self._limit_s, self._steep, self._largest = np.inf, STEEP, 0.0
         self._pieces = [kink.piece(self.y) for kink in model.kinks]
-        self._pause, self._pace = PAUSE, Pace(model.scene, OUTLASTING)
+        self._pause, self._pace = 0, Pace(model.scene, OUTLASTING)
 
     def run(self) -> None:
         """Go through all times.
@@ -134,6 +134,8 @@ class Run:
         model, limit = self.model, min(self._limit_s, self.choice.longest_step_s)
         first = None if self._first_step_s is None else min(self._first_step_s, stop - self.t, limit)
         tolerances = {"rtol": self.choice.rtol, "atol": self._atol}
+        if not np.isfinite(model(self.t, self.y)).all():  # no first step would be short enough
+            raise SimulationFailed(f"non-finite accelerations at t = {self.t:.6g} s")
         solver = METHODS[self.choice.method](
             model, self.t, self.y, stop, max_step=limit, first_step=first, **tolerances
         )
@@ -327,7 +329,10 @@ class Run:
 
     def _sample(self, y: FloatArray) -> None:
         self.model(float(self.times_s[len(self.states)]), y)
-        self.states.append(y.copy())
+        state = y.copy()
+        for k in np.flatnonzero(self.model.phases[:, 0] == CLIPPED).tolist():
+            self._clip(state, k, -1.0)
+        self.states.append(state)
         self.told.append(self.model.told.copy())
 
     def _answer(self, event: Event | None) -> None:
@@ -344,6 +349,7 @@ class Run:
                     self.y, impact = settle(model, self.t, self.y, k)
                     self.impacts[k].append([self.t, 0.0, *impact, *[np.nan] * 4])
                 elif kind == SIGN:
+                    self._clip(self.y, k, 1.0 if phase == PUSHED else -1.0)
                     model.phases[k, 0] = CLIPPED if phase == PUSHED else PUSHED
                 elif phase == FLIGHT:
                     self._touch(k)
@@ -356,6 +362,12 @@ class Run:
                 self._largest = 0.0
                 break
 
+    def _clip(self, y: FloatArray, k: int, sign: float) -> None:
+        """Add what a contact stores to what clipping loses: all of it, from then on less what is left."""
+        wall, depth = self.model.contacts[k], max(self._depth(self.model.contacts_told, k), 0.0)
+        stored = wall[eq.K] * depth ** (wall[eq.N] + 1) / (wall[eq.N] + 1)
+        y[2 * self.model.size + eq.OF_SUMS * k + 2] += sign * stored * (wall[eq.PULLS] == 0.0)
+
     def _sums(self, k: int) -> FloatArray:
         first = 2 * self.model.size + eq.OF_SUMS * k
         return np.array(self.y[first : first + eq.OF_SUMS])
@@ -367,6 +379,7 @@ class Run:
         self._touches[k] = Touch(self.t, speed, self._sums(k))
         model(self.t, self.y)
         if len(self._kinds(k)) > 1 and model.contacts_told[k, eq.SHARE] < 0.0:  # begun on its way out
+            self._clip(self.y, k, 1.0)
             model.phases[k, 0] = CLIPPED
 
     def _release(self, k: int) -> None:

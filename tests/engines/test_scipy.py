@@ -111,12 +111,12 @@ def stiff(stiffness: float, **more: Any) -> Scene:
     return ideal_driven().replace({"end_time_s": 0.002, "clearance.B": gap})
 
 
-def test_a_contact_that_would_pull_loses_its_spring_s_energy() -> None:
+def test_a_contact_that_would_pull_loses_its_spring_s_energy_however_long_the_steps() -> None:
     of, depth = stiff(1e9, minimum_impact_speed_m_s=0.1), 2e-5
     position, velocity = start_state(of)
     position[SLIDER, 0] += 5e-4 + depth
     velocity[SLIDER, 0] -= 1.0  # ten times as fast as the law lets it out
-    contact = run(started_from(of, position, velocity, end_time_s=5e-5), rtol=1e-9).contacts["B"]
+    contact = run(started_from(of, position, velocity, end_time_s=5e-5), rtol=1e-3).contacts["B"]
     assert contact.penetration_m[-1] < 0 < contact.penetration_m[3], "it has left, and took some samples to"
     stored = 1e9 * np.maximum(contact.penetration_m, 0.0) ** 2.5 / 2.5
     assert contact.clipped_loss_J == pytest.approx(1e9 * depth**2.5 / 2.5 - stored, rel=1e-6)
