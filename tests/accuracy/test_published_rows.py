@@ -13,9 +13,9 @@ from studies.registry import STUDIES
 RESULTS = Path(__file__).parents[2] / "reports/published/results"
 #: Rows drawn of each study; the commit that they were made from is the seed.
 DRAWN = 4
-#: Other processors and versions give errors of smooth motion to this part of them, past impacts and by SciPy's
-#: methods of variable order within a factor, and to so many uncertainties of the truth, which are round-off. An
-#: error past impacts above this part of the signal's own swing tells on which side of one a sample fell.
+#: Other processors and versions give errors of smooth motion to this part of them, past impacts and by SciPy
+#: within a factor, and to so many uncertainties of the truth, which are round-off. Errors past impacts above
+#: this part of the signal's own swing tell on which side of one a sample fell.
 SMOOTH, FACTORS, UNCERTAINTIES, SWING = 1e-2, {"scipy": 15.0}, 100, 0.1
 PAST_IMPACTS, CHAOTIC = 3.0, ("predictability", "stability", "extremes")
 

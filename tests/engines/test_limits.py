@@ -146,6 +146,3 @@ def test_two_pins_that_touch_at_one_instant_both_do() -> None:
             impacts = found.contacts[joint].impacts
             np.testing.assert_allclose(impacts.time_s, times, rtol=0, atol=within)
             np.testing.assert_allclose(impacts.approach_speed_m_s, speeds, rtol=0, atol=100 * within)
-
-
-# Runs, engines and scenes that are asked for wrongly in Python are refused in the command line's words.
