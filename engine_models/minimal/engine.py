@@ -13,7 +13,7 @@ from engine_models.memory import require_memory
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Model, damping_of, wall_of
 from engine_models.minimal.run import Choice, solve
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: The smallest relative tolerance of the engine, and the least one that SciPy takes.
 SHARPEST, LEAST_RTOL = 1e-13, 2.3e-14
@@ -53,7 +53,7 @@ class ScipyEngine(CompiledEngine):
     max_evaluations: Annotated[int, Field(gt=0)] = 5_000_000
     any_mechanism: ClassVar[bool] = True
 
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where a contact has a law that is not known here, or a wall to follow."""
         for pin in scene.mechanism.loose:
             room = pin.clearance
@@ -77,7 +77,7 @@ class ScipyEngine(CompiledEngine):
         """Return the engine with a tenth of its tolerances."""
         return replace(self, rtol=max(self.rtol / 10, SHARPEST), atol=self.atol / 10)
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene; ``steps`` counts the accepted ones.
 
         Raises:
@@ -87,7 +87,7 @@ class ScipyEngine(CompiledEngine):
         """
         return self._solved(scene, settings)
 
-    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the same steps with nothing recorded but the end.
 
         Raises:
@@ -96,7 +96,7 @@ class ScipyEngine(CompiledEngine):
         run = self._solved(scene, replace(settings, samples=1, at_s=()), bare=True)
         return BareRun(run.solve_time_s, run.position[-1])
 
-    def _solved(self, scene: AnyScene, settings: RunSettings, bare: bool = False) -> Trajectory:
+    def _solved(self, scene: Scene, settings: RunSettings, bare: bool = False) -> Trajectory:
         self.check(scene)
         require_memory(scene, settings)
         longest_s = min(settings.step_s, scene.end_time_s)
@@ -114,7 +114,7 @@ class SharpSolver:
 
     tolerance: float = 1e-14
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run a scene; steps are as long as the tolerance lets them be, and end at events.
 
         Raises:

@@ -21,7 +21,7 @@ from engine_models.mechanics.states import (
     way,
 )
 from engine_models.mechanics.wrenches import sum_of
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reports.run.film import Drawing, Force, Guide, Joint, Mark
 
 #: A body, or the ground, and a point of it.
@@ -40,7 +40,7 @@ class Shape:
     bearing from a pin on the ground or on a block.
     """
 
-    scene: AnyScene
+    scene: Scene
     run: Trajectory
     exaggerate: float = 1.0
 

@@ -13,7 +13,7 @@ from PIL import Image
 import crankslider as cs
 from engine_models.engine import FloatArray
 from engine_models.scene.file import load
-from engine_models.scene.library.mechanisms import MECHANISMS
+from engine_models.scene.library import MECHANISMS
 from reports.run.drawing import Shape
 from reports.run.film import LONGEST_ARROW, Drawing, Stage
 
