@@ -89,7 +89,7 @@ def test_report_passes_on_what_was_asked(monkeypatch: pytest.MonkeyPatch, tmp_pa
     def write_report(*arguments: object) -> Report:
         calls.append(arguments)
         chapter = Chapter("answer", "", (), "", lambda _: iter(()))
-        return Report((Made(chapter, (Claim("answer", "The answer."),), (), ()),), ("a note",))
+        return Report((Made(chapter, (Claim("answer", "The answer."),)),), ("a note",))
 
     monkeypatch.setattr(page, "write_report", write_report)
     monkeypatch.chdir(tmp_path)
