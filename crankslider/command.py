@@ -22,7 +22,7 @@ from studies.registry import STUDIES
 
 if TYPE_CHECKING:
     from crankslider.run import Run
-    from engine_models.scene.parts import AnyScene
+    from engine_models.scene.scene import Scene
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -113,14 +113,14 @@ def about(
 @app.command()
 def scenes(as_json: Json = False) -> None:
     """List the scenes of the library."""
-    from engine_models.scene.library.mechanisms import ALL_SCENES
+    from engine_models.scene.library import ALL_SCENES
 
     rows = []
     for name, make in ALL_SCENES.items():
         scene = make()
         joints = ", ".join(scene.joints_with_clearance) or "none"
         about = (make.__doc__ or "").partition("\n")[0]
-        rows.append((name, scene.driven_by.kind, joints, f"{scene.end_time_s:g} s", about))
+        rows.append((name, scene.drive.kind, joints, f"{scene.end_time_s:g} s", about))
     _print_rows(("scene", "drive", "clearance", "end time", "about"), rows, as_json)
 
 
@@ -134,7 +134,7 @@ def engines(
 
     from engine_models.engine import UnsupportedScene
     from engine_models.engines import ENGINES, engine_class, make_engine
-    from engine_models.scene.library.mechanisms import ALL_SCENES
+    from engine_models.scene.library import ALL_SCENES
     from engine_models.scene.plain_words import expectation, fields, shown, unknown
 
     if name is not None and name not in ENGINES:
@@ -267,7 +267,7 @@ def simulate(
 
 
 def _require_tables(
-    scene: str, changes: Any, physics: "AnyScene", out: Path | None, impacts: Path | None
+    scene: str, changes: Any, physics: "Scene", out: Path | None, impacts: Path | None
 ) -> list[Path]:
     """Refuse tables that cannot be written, and return what no other file may be: they and the scene's."""
     from crankslider.run import TABLES, require_file
@@ -544,7 +544,7 @@ def report(
     log.info(f"the report is {out / 'index.html'}")
 
 
-def _scene(scene: str, changes: Sequence[str] | None, end: str | None = None) -> "AnyScene":
+def _scene(scene: str, changes: Sequence[str] | None, end: str | None = None) -> "Scene":
     from crankslider.library import read_scene
 
     numbers: Numbers = {"end": end}

@@ -7,7 +7,7 @@ from pathlib import Path
 from crankslider.run import Comparison, Run
 from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import make_engine
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reports.results import Results, read_study
 from reports.standings import Standings
 from studies.case import Case, provenance
@@ -23,7 +23,7 @@ SHOWN_SAMPLES = 400
 
 
 def compare_engines(
-    scene: AnyScene,
+    scene: Scene,
     given: str,
     engines: Collection[str],
     folder: Path,
@@ -53,7 +53,7 @@ def compare_engines(
     return Comparison(scene, results, run, given)
 
 
-def _question(scene: AnyScene, error: float | None, signal: str | None, pool: Pool) -> Question:
+def _question(scene: Scene, error: float | None, signal: str | None, pool: Pool) -> Question:
     try:
         with progress_console().status(f"reference solution of {scene.name}"):
             return pool.run(ask, scene, error, signal, limit_s=TRUTH_LIMIT_S)

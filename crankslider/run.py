@@ -18,10 +18,9 @@ from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
 from engine_models.progress import tell
 from engine_models.scene.arguments import Place, check_arguments, in_words
-from engine_models.scene.data import Positive
-from engine_models.scene.general import GeneralScene
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.format import Positive
 from engine_models.scene.plain_words import one_of, shown, unknown
+from engine_models.scene.scene import Scene
 from studies.failures import BadInput, writing
 from studies.whole_file import require_place, write_whole
 
@@ -59,7 +58,7 @@ class Run:
     before ``start_s`` is a transient.
     """
 
-    scene: AnyScene
+    scene: Scene
     engine_name: str
     engine: Engine
     trajectory: Trajectory
@@ -254,9 +253,8 @@ class Run:
         if mean_s > 0.99 * allowed_s:
             how_long = f"the longest {allowed_s:.6g} s"
         lines = [f"quality: {self.quality.summary()}", f"{steps} steps{of_method}, {how_long}"]
-        placed = self.scene.placed if isinstance(self.scene, GeneralScene) else None
-        if placed is not None:
-            lines.insert(0, f"start put together: {placed.moved} from what the file tells")
+        if (moved := self.scene.placed.moved) is not None:
+            lines.insert(0, f"start put together: {moved} from what the file tells")
         return lines + self._notes_of_force()
 
     def _notes_of_force(self) -> list[str]:
@@ -372,7 +370,7 @@ class Comparison:
     is no recommendation. ``given`` is the scene as it is typed in a command.
     """
 
-    scene: AnyScene
+    scene: Scene
     results: "Results"
     run: Run | None
     given: str

@@ -29,7 +29,7 @@ from engine_models.mechanics.states import (
     point_motion,
     way,
 )
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reports.look import GREY, RC, WIDTH_IN, Picture
 from reports.run_figures import COLOURS
 
@@ -66,7 +66,7 @@ def pictured(samples: int) -> NDArray[np.intp]:
 
 
 def film_bytes(
-    scene: AnyScene, run: Trajectory, exaggerate: float, ending: str, drawn: Callable[[float], None]
+    scene: Scene, run: Trajectory, exaggerate: float, ending: str, drawn: Callable[[float], None]
 ) -> bytes:
     """Return the film of a run as the bytes of a .html, .gif or .mp4 file.
 
@@ -111,7 +111,7 @@ class Stage:
     bearing from a pin on the ground or on a block.
     """
 
-    def __init__(self, scene: AnyScene, run: Trajectory, exaggerate: float = 1.0) -> None:
+    def __init__(self, scene: Scene, run: Trajectory, exaggerate: float = 1.0) -> None:
         self.scene, self.run, self.exaggerate = scene, run, exaggerate
         self.mechanism = scene.mechanism
         self.blocks = {guide.body_j for guide in self.mechanism.guides if not guide.turns}

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from engine_models.engine import Contact, FloatArray, Impacts
 from engine_models.mechanics.trajectory import contact_of
 from engine_models.pymunk.compiled.records import KICK
-from engine_models.scene.scene import Clearance
+from engine_models.scene.format import Clearance
 
 #: What is added up, named as in ``Contact``.
 SUMS = ("normal_impulse_N_s", "normal_loss_J", "clipped_loss_J", "friction_loss_J")

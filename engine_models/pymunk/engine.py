@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, BareRun, RunSettings, T, Trajectory, UnsupportedScene
+from engine_models.engine import SETTINGS_CONFIG, BareRun, RunSettings, Trajectory, UnsupportedScene
 from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import checked_start, unwound
@@ -37,7 +37,7 @@ from engine_models.pymunk.rigid_twin import rigid_twin
 from engine_models.pymunk.run import pymunk_bare_run, pymunk_run
 from engine_models.pymunk.stepping import Model
 from engine_models.pymunk.workspace import Workspace
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import ConstantSpeed
 
 #: Pymunk's own defaults: joints and contacts lose a tenth of their position error every sixtieth of a second.
@@ -147,14 +147,14 @@ class PymunkEngine(CompiledEngine):
             collision_persistence=LIBRARY_PERSISTENCE,
         )
 
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene for a guide, or for a law without a restitution, that Pymunk cannot express.
 
         So is a scene without the steps asked for.
         """
         plan_of(self.twin(scene).mechanism, self.joints == "fewest")
 
-    def twin(self, scene: T) -> T:
+    def twin(self, scene: Scene) -> Scene:
         """Return the scene itself, or with ``contact`` = "rigid" the same one with rigid laws throughout.
 
         Raises:
@@ -174,7 +174,7 @@ class PymunkEngine(CompiledEngine):
         """The leap-frog's, or without the half kick at the start the library's own."""
         return 2 if self.half_kick_start else 1
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene with steps of one length, or shorter ones in contact.
 
         Raises:
@@ -188,7 +188,7 @@ class PymunkEngine(CompiledEngine):
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
             return unwound(scene, pymunk_run(model, settings))
 
-    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the same steps, of which works and forces need nothing.
 
         Raises:
@@ -198,7 +198,7 @@ class PymunkEngine(CompiledEngine):
         with np.errstate(all="ignore"):
             return pymunk_bare_run(model, settings)
 
-    def _model(self, scene: AnyScene, settings: RunSettings) -> Model:
+    def _model(self, scene: Scene, settings: RunSettings) -> Model:
         of, step_s = scene.mechanism, settings.step_used_s(scene.end_time_s)
         require_followed(scene, step_s)
         plan = plan_of(of, self.joints == "fewest")
@@ -230,7 +230,7 @@ class PymunkEngine(CompiledEngine):
         )
 
     def _settled(
-        self, scene: AnyScene, plan: Plan, heavier: Callable[[Plan], Plan], left: float
+        self, scene: Scene, plan: Plan, heavier: Callable[[Plan], Plan], left: float
     ) -> tuple[Plan, Convergence]:
         """Return the plan with dampers, balanced where that saves sweeps, and how these converge."""
         own = heavier(plan)
@@ -249,11 +249,11 @@ class PymunkEngine(CompiledEngine):
         return (other, faster) if pays else (own, found)
 
 
-def needs_one_step(scene: AnyScene) -> list[str]:
+def needs_one_step(scene: Scene) -> list[str]:
     """Return what of a scene is made for steps of one length: native contacts and changing speeds."""
     joints, law = scene.clearances.items(), scene.mechanism.drive.law
     changes = scene.mechanism.drive.prescribes and not isinstance(law, ConstantSpeed)
     return [
         *(f"clearance.{name}.law = rigid" for name, clearance in joints if clearance.law == "rigid"),
-        *([f"drive.kind = {scene.driven_by.kind}"] if changes else []),
+        *([f"drive.kind = {scene.drive.kind}"] if changes else []),
     ]

@@ -24,7 +24,7 @@ from pymunk.batch import ArbiterFields
 from engine_models.kernels import callback
 from engine_models.pymunk.compiled.native_callbacks import NATIVE, record, rewrite
 from engine_models.pymunk.exchange import STATE, Batch, address
-from engine_models.scene.scene import Clearance
+from engine_models.scene.format import Clearance
 from reference_solver.mechanism.data import Point
 
 #: Of a collision, a space and the handler's data.

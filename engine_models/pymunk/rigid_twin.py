@@ -1,10 +1,11 @@
 """The scene that native contacts solve in a law's place: rigid walls, the same restitution and friction."""
 
-from engine_models.engine import T, UnsupportedScene
-from engine_models.scene.scene import Clearance
+from engine_models.engine import UnsupportedScene
+from engine_models.scene.format import Clearance
+from engine_models.scene.scene import Scene
 
 
-def rigid_twin(scene: T) -> T:
+def rigid_twin(scene: Scene) -> Scene:
     """Return the scene with rigid contact in every joint with clearance: same restitution, same friction.
 
     Hertz's law and the linear one lose nothing, so theirs is 1. Pymunk's friction is Coulomb's, at any

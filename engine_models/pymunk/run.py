@@ -26,7 +26,7 @@ from engine_models.pymunk.contact_log import ContactLog
 from engine_models.pymunk.joints.plan import Plan
 from engine_models.pymunk.stepping import Block, Model, run
 from engine_models.pymunk.works import DRIVE, Works
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: With a joint this many levers apart the bodies are no mechanism any more, and the run has failed.
 LOST_GAP = 0.1
@@ -205,7 +205,7 @@ def move_to_centres(
 
 
 def require_the_mechanism(
-    scene: AnyScene,
+    scene: Scene,
     plan: Plan,
     position: FloatArray,
     start: FloatArray,

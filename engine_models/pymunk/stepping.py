@@ -22,7 +22,7 @@ from engine_models.pymunk.joints.sweeps import Convergence
 from engine_models.pymunk.model import Bodies
 from engine_models.pymunk.self_test import require_usable
 from engine_models.pymunk.workspace import Workspace
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: Sweeps in the first kicks of a half-kick start (see ``loop.START_KICKS``). They have no impulses of a like
 #: step to start from: kick 0 none at all, kicks 1 to 3 those of an unlike one; 3 to 5 share in telling the
@@ -45,7 +45,7 @@ class Model:
     times.
     """
 
-    scene: AnyScene
+    scene: Scene
     plan: Plan
     start: FloatArray
     space: pymunk.Space

@@ -5,7 +5,7 @@ import numpy as np
 from engine_models.engine import FloatArray
 from engine_models.mechanics.crank_motion import motion_of
 from engine_models.mechanics.loads import integrated_works, load_powers_W
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: The drive's among the works, as ``integrated_works`` has it.
 DRIVE = "driver"
@@ -14,7 +14,7 @@ DRIVE = "driver"
 class Works:
     """The works since t = 0 of a run, block by block, by the names of ``integrated_works``."""
 
-    def __init__(self, scene: AnyScene) -> None:
+    def __init__(self, scene: Scene) -> None:
         self._scene, self._names = scene, integrated_works(scene)
         self._sums = dict.fromkeys(self._names, 0.0)
 

@@ -18,7 +18,7 @@ from engine_models.pymunk.exchange import LOADS, SLIDE, STATE, TURN, Batch, addr
 from engine_models.pymunk.inputs import Inputs
 from engine_models.pymunk.model import Bodies
 from engine_models.pymunk.native_contact import NativeContact
-from engine_models.scene.scene import Clearance
+from engine_models.scene.format import Clearance
 from reference_solver.mechanism.data import GROUND
 
 #: Kicks that are worked off at once, at most, and sweeps in them: some tenths of a second, in which nobody is

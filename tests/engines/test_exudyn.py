@@ -27,10 +27,10 @@ from engine_models.mechanics.energy import energy_balance_residual_J
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.quality import constraint_violation_m
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.drives import TableDrive
+from engine_models.scene.format import Clearance, Friction, TableDrive
 from engine_models.scene.library import SCENES, clearance, ideal_driven, ideal_free
-from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
+from engine_models.scene.scene import Scene
+from reference_solver.mechanism.curves import curve_of
 from studies.judges.metrics import errors as crank_slider_errors
 from tests.engines.mechanism_texts import V_TWIN
 from tests.engines.mechanism_texts import scene as mechanism
@@ -45,17 +45,17 @@ SAMPLES = 20
 FRICTION = {"law": "saturated-linear", "coefficient": 0.1, "regularisation_speed_m_s": 20.0}
 
 
-def run(of: AnyScene, step_s: float, samples: int = SAMPLES, **settings: Any) -> Trajectory:
+def run(of: Scene, step_s: float, samples: int = SAMPLES, **settings: Any) -> Trajectory:
     return ExudynEngine(**settings).simulate(of, RunSettings(step_s, samples))
 
 
 def until(of: Scene, end_time_s: float, **start: float) -> Scene:
     """Return a scene with another end and start."""
-    return of.model_copy(update={"end_time_s": end_time_s, "start": of.start.model_copy(update=start)})
+    return of.model_copy(update={"end_time_s": end_time_s, "start": of.short.start.model_copy(update=start)})
 
 
 @cache
-def sharp(of: AnyScene, samples: int = SAMPLES) -> Trajectory:
+def sharp(of: Scene, samples: int = SAMPLES) -> Trajectory:
     """Return the reference's solution of Exudyn's twin of a scene."""
     return SHARP.simulate(ExudynEngine().twin(of), RunSettings(of.end_time_s, samples))
 
@@ -65,7 +65,7 @@ def sharp(of: AnyScene, samples: int = SAMPLES) -> Trajectory:
 
 def pressed(gap: Clearance, rate_m_s: float, sliding_m_s: float) -> Scene:
     """Return the pendulum with its pin 10 um deep in the bearing, on the right, moving so."""
-    of = SCENES["clearance-pendulum"]().model_copy(update={"clearance": Clearances(O=gap)})
+    of = SCENES["clearance-pendulum"]().model_copy(update={"clearance": {"O": gap}})
     position, velocity = start_state(of)
     position[0, 0] += gap.radial_clearance_m + 1e-5
     velocity[0] = rate_m_s, sliding_m_s, 0.0
@@ -113,15 +113,15 @@ def test_friction_follows_the_normal_forces_sign_so_a_pulling_contact_drives_the
 
 
 def test_the_twin_is_the_scene_as_exudyn_has_it() -> None:
-    engine, before = ExudynEngine(), DRIVEN.clearance.B
+    engine, before = ExudynEngine(), DRIVEN.clearance["B"]
     assert before is not None
-    after = engine.twin(DRIVEN).clearance.B
+    after = engine.twin(DRIVEN).clearance["B"]
     assert after == before.model_copy(update={"may_pull": True, "minimum_impact_speed_m_s": 1e-6})
-    twin = engine.twin(SCENES["clearance-driven-damped"]()).clearance.B
+    twin = engine.twin(SCENES["clearance-driven-damped"]()).clearance["B"]
     assert twin is not None
     assert twin.friction == Friction(law="saturated-linear", coefficient=0.1, regularisation_speed_m_s=0.01)
     hertz = Clearance(radial_clearance_m=5e-4, bearing_radius_m=0.01, law="hertz", stiffness=1e10)
-    same = DRIVEN.model_copy(update={"clearance": Clearances(B=hertz)})
+    same = DRIVEN.model_copy(update={"clearance": {"B": hertz}})
     assert engine.twin(same) == same
     assert engine.twin(ideal_free()) == ideal_free()
 
@@ -143,7 +143,7 @@ WALL = {
 }
 
 
-def loose(of: AnyScene, pins: str, bearing: str | None = None, **changes: Any) -> AnyScene:
+def loose(of: Scene, pins: str, bearing: str | None = None, **changes: Any) -> Scene:
     """Return a scene with walls around some of its pins, for the first of which it may name the bearing."""
     walls: dict[str, Any] = {f"clearance.{pin}": WALL for pin in pins}
     if bearing is not None:
@@ -151,7 +151,7 @@ def loose(of: AnyScene, pins: str, bearing: str | None = None, **changes: Any) -
     return of.replace({"end_time_s": 0.012, **walls, **changes})
 
 
-def along(guide: str, kind: str, **more: float) -> AnyScene:
+def along(guide: str, kind: str, **more: float) -> Scene:
     """Return the quick return, driven along one of its guides in place of its motor."""
     start = {"start.hold": (), "start.speed_rad_s": {}, "start.speed_m_s": {guide: 0.2}}
     if guide == "slot":
@@ -159,13 +159,13 @@ def along(guide: str, kind: str, **more: float) -> AnyScene:
     return scene("everything").replace({"drive": {"kind": kind, "guide": guide, **more}, **start})
 
 
-def bars(pins: str, bearing: str | None, **changes: Any) -> AnyScene:
+def bars(pins: str, bearing: str | None, **changes: Any) -> Scene:
     """Return the four-bar with other loose pins."""
     return loose(scene("bearing").replace("clearance", {}), pins, bearing, **changes)
 
 
 #: By what hangs on what: from one pin of the ground, from both, afloat, on a driven ram, on a pin in a slot.
-TREES: dict[str, Callable[[], AnyScene]] = {
+TREES: dict[str, Callable[[], Scene]] = {
     "from one pin": lambda: bars("AC", "coupler"),
     "afloat": lambda: bars("OC", None, drive={"kind": "free"}),
     "bearing that turns": lambda: bars("B", "rocker"),
@@ -237,11 +237,11 @@ def test_what_exudyn_cannot_express_is_refused_with_the_reason(make: Any, solver
 def by_table(entries: int) -> Scene:
     """Return set R by the crank's angle, at equally spaced times, from where no symmetry hides a force."""
     time = np.linspace(0.0, 0.024, entries)
-    angle = ideal_driven().start.crank_speed_rad_s * time + 0.3 * np.sin(2 * np.pi * 60 * time)
+    angle = ideal_driven().short.start.crank_speed_rad_s * time + 0.3 * np.sin(2 * np.pi * 60 * time)
     table = TableDrive(kind="table", time_s=tuple(time.tolist()), angle_rad=tuple(angle.tolist()))
-    start = {"crank_angle_rad": 0.5, "crank_speed_rad_s": float(table.spline()(0.0, 1))}
+    start = {"crank_angle_rad": 0.5, "crank_speed_rad_s": float(curve_of(table.course())(0.0, 1))}
     of = ideal_driven()
-    return of.model_copy(update={"drive": table, "start": of.start.model_copy(update=start)})
+    return of.model_copy(update={"drive": table, "start": of.short.start.model_copy(update=start)})
 
 
 def test_a_tables_entries_within_steps_leave_no_force_that_rings() -> None:
@@ -313,7 +313,7 @@ def test_the_fewest_iterations_cost_no_digit_of_motion_or_forces(
 
 
 @cache
-def double_four_bar() -> AnyScene:
+def double_four_bar() -> Scene:
     """Three bars of 1 m on three pins of the ground, coupled by two more: singular as all lie on a line."""
     ends = {"a0": "O0 P", "b0": "P Q", "a1": "O1 Q", "b1": "Q U", "a2": "O2 U"}
     bars = [
@@ -359,7 +359,7 @@ def test_where_the_trapezoidal_rule_gives_up_generalized_alpha_goes_on() -> None
     ids=["singular", "steps-without-end"],
 )
 def test_a_run_that_breaks_down_says_when_and_why_and_leaves_exudyn_as_it_was(
-    of: AnyScene,
+    of: Scene,
     step_s: float,
     settings: dict[str, Any],
     words: str,

@@ -11,10 +11,10 @@ from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import ENGINES, make_engine
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.quality import quality_of
-from engine_models.scene.data import SceneError
-from engine_models.scene.drives import TableDrive
+from engine_models.scene.format import SceneError, TableDrive
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene, Start
+from engine_models.scene.scene import Scene
+from engine_models.scene.short import Start
 from studies.judges.converged_truth import converged
 from tests.engines.runs import run
 from tests.helpers.crank_sliders import HELD
@@ -166,4 +166,4 @@ def test_a_scene_by_a_table_can_be_begun_within_it() -> None:
     with pytest.raises(SceneError, match=r"drive.time_s.4: expected at least 0.6, when the scene ends"):
         started_from(driven, position, velocity, 0.2)
     later = started_from(driven, position, velocity, 0.2, 0.2)
-    assert (later.start.time_s, later.start.crank_speed_rad_s, later.end_time_s) == (0.2, 4.0, 0.2)
+    assert (later.start.time_s, later.short.start.crank_speed_rad_s, later.end_time_s) == (0.2, 4.0, 0.2)

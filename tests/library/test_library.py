@@ -13,7 +13,7 @@ from tests.helpers.command import crankslider, table_of
 LOOSE: Any = cs.scenes["clearance-driven-0.5mm"]
 
 
-def short_run(scene: cs.Scene | cs.GeneralScene | str | Path) -> cs.Run:
+def short_run(scene: cs.Scene | str | Path) -> cs.Run:
     return cs.simulate(scene, end=0.002, samples=20)
 
 

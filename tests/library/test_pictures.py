@@ -16,7 +16,7 @@ from PIL import Image
 import crankslider as cs
 from engine_models.engine import FloatArray
 from engine_models.scene.file import load
-from engine_models.scene.library.mechanisms import MECHANISMS
+from engine_models.scene.library import MECHANISMS
 from reports.film import LONGEST_ARROW, Stage
 
 #: Drawn is what a double has: the slider's place and gaps are differences of coordinates below 1 m.

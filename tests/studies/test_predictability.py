@@ -30,7 +30,7 @@ def of_part(part: str, full: bool = True) -> list[Case]:
 def visible_after(name: str, size_m: float, tolerance_m: float, revolutions: int) -> float:
     """After how many revolutions a start moved by some m at the crank pin shows in the slider."""
     scene = following(name, revolutions)
-    size = size_m / scene.crank.length_m / 1e-10
+    size = size_m / scene.short.crank.length_m / 1e-10
     parted = apart(scene, 100 * revolutions, (-size, size), fine_step_s=1e-5)
     return min(first_beyond_s(parted.time_s, run, tolerance_m) for run in parted.perturbed_m) / REVOLUTION_S
 

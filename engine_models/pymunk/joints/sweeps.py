@@ -28,8 +28,7 @@ from engine_models.mechanics.states import point_motion
 from engine_models.mechanics.wrenches import Wrenches
 from engine_models.pace import Pace
 from engine_models.pymunk.joints.plan import Plan
-from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Clearances, Scene
+from engine_models.scene.scene import Scene
 from reference_solver.failures import SolverError
 from reference_solver.solver import ErrorControl, Solver
 
@@ -81,9 +80,9 @@ def are_apart(plan: Plan) -> bool:
     return len(moved) == len(set(moved))
 
 
-def path_of(scene: AnyScene) -> FloatArray:
+def path_of(scene: Scene) -> FloatArray:
     """Return positions (n, bodies, 3) along a coarse run of the scene with all joints ideal, or its start."""
-    twin = scene.model_copy(update={"clearance": Clearances() if isinstance(scene, Scene) else {}})
+    twin = scene.replace("clearance", {})
     start, velocity = start_state(twin)
     q, pace = start.ravel(), Pace(twin, LOOK_UP_STEPS, MOST_STEPS)
     with np.errstate(all="ignore"):

@@ -4,7 +4,7 @@ import pytest
 
 from engine_models.scene.file import from_toml
 from engine_models.scene.library import SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.compare import ask
 from tests.engines.mechanism_texts import ANDREWS, FOUR_BAR_CLEARANCE
 from tests.helpers.crank_sliders import HELD, pendulum, short_rod
@@ -41,7 +41,7 @@ QUESTIONS = [
 
 @pytest.mark.parametrize(("scene", "column", "wanted", "until_s"), QUESTIONS)
 def test_every_mechanism_has_a_signal_and_an_error_to_be_judged_by(
-    scene: AnyScene, column: str, wanted: float, until_s: float
+    scene: Scene, column: str, wanted: float, until_s: float
 ) -> None:
     """Held without a load there is no torque, and a thousandth of none is nothing that a run can keep."""
     question = ask(scene)
