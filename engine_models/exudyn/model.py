@@ -51,8 +51,16 @@ class Model:
         self.start = np.concatenate([branch.start for branch in self.branches])
         self._ground = self.mbs.AddObject(items.ObjectGround())
         self._nodes, self._carriers = list[Any](), list[Any]()
-        for branch in self.branches:
-            node, carrier = (self._add_tree if branch.kind == "tree" else self._add_single)(branch)
+        driven = self._driven() if self.of.drive.prescribes else None
+        for number, branch in enumerate(self.branches):
+            inertias = [
+                self.of.bodies[link.body].inertia_kg_m2 if link.body is not None else 0.0
+                for link in branch.links
+            ]
+            if tree and self.of.drive.guide is None and driven is not None and driven[0] == number:
+                inertias[driven[1]] += HEAVY
+            add = self._add_tree if branch.kind == "tree" else self._add_single
+            node, carrier = add(branch, inertias)
             self._nodes.append(node)
             self._carriers.append(carrier)
         quantities = "Coordinates", "Coordinates_t", "Coordinates_tt"
@@ -67,8 +75,8 @@ class Model:
             if guide.name not in links:
                 self._constrain(guide, position)
         self._add_loads(scene, position)
-        if self.of.drive.prescribes:
-            self._add_drive(tree)
+        if driven is not None:
+            self._add_drive(tree, *driven)
         self.mbs.Assemble()
 
     def _sensor(self, node: Any, quantity: str) -> int:
@@ -76,21 +84,31 @@ class Model:
         sensor = items.SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True)
         return int(self.mbs.AddSensor(sensor))
 
-    def _add_single(self, branch: Branch) -> tuple[Any, Any]:
+    def _driven(self) -> tuple[int, int]:
+        """Return branch and link of the coordinate that is driven."""
+        drive = self.of.drive
+        if drive.guide is not None and (found := way_of(self.branches, self.of.guides[drive.guide])):
+            return found
+        branch, link = self._places[drive.body]
+        while self.branches[branch].links[link].axis != "turn":
+            link = self.branches[branch].links[link].parent
+        return branch, link
+
+    def _add_single(self, branch: Branch, inertias: list[float]) -> tuple[Any, Any]:
         """Add a body with coordinates of its own, and its weight; return its node and its object."""
         link, (x, y) = branch.links[-1], self.of.gravity_m_s2
         body, place = self.of.bodies[link.body or 0], [*link.offset_m, 0.0]
         state = {"referenceCoordinates": branch.start, "initialVelocities": branch.rates}
         if branch.kind == "free":
             node = self.mbs.AddNode(items.NodeRigidBody2D(**state))
-            item = items.ObjectRigidBody2D(mass=body.mass_kg, inertia=body.inertia_kg_m2, nodeNumber=node)
+            item = items.ObjectRigidBody2D(mass=body.mass_kg, inertia=inertias[-1], nodeNumber=node)
         elif branch.kind == "mass":
             node = self.mbs.AddNode(items.Node1D(**state))
             turn = {"referencePosition": place, "referenceRotation": _matrix(link.angle_rad)}
             item = items.ObjectMass1D(mass=body.mass_kg, nodeNumber=node, **turn)
         else:
             node = self.mbs.AddNode(items.Node1D(**state))
-            inertia = body.inertia_kg_m2 + body.mass_kg * (link.centre_m[0] ** 2 + link.centre_m[1] ** 2)
+            inertia = inertias[-1] + body.mass_kg * (link.centre_m[0] ** 2 + link.centre_m[1] ** 2)
             item = items.ObjectRotationalMass1D(inertia=inertia, nodeNumber=node, referencePosition=place)
         carrier, u = self.mbs.AddObject(item), turned(link.angle_rad, (1.0, 0.0))
         if x * u[0] + y * u[1] if branch.kind == "mass" else x or y:  # across its guide a mass has no weight
@@ -100,7 +118,7 @@ class Model:
             self.mbs.AddLoad(load)
         return node, carrier
 
-    def _add_tree(self, branch: Branch) -> tuple[Any, Any]:
+    def _add_tree(self, branch: Branch, inertias: list[float]) -> tuple[Any, Any]:
         """Add a tree; return its node and its object."""
         links, count = branch.links, len(branch.links)
         node = self.mbs.AddNode(
@@ -113,15 +131,14 @@ class Model:
         )
         matrices: Any = exu.Matrix3DList  # their constructors carry no arguments
         vectors: Any = exu.Vector3DList
-        bodies = [None if link.body is None else self.of.bodies[link.body] for link in links]
-        inertias = [0.0 if body is None else body.inertia_kg_m2 for body in bodies]
+        masses = [0.0 if link.body is None else self.of.bodies[link.body].mass_kg for link in links]
         tree = items.ObjectKinematicTree(
             nodeNumber=node,
             jointTypes=[TYPES[link.axis] for link in links],
             linkParents=[link.parent for link in links],
             jointTransformations=matrices([_matrix(link.angle_rad) for link in links]),
             jointOffsets=vectors([[*link.offset_m, 0.0] for link in links]),
-            linkMasses=[0.0 if body is None else body.mass_kg for body in bodies],
+            linkMasses=masses,
             linkInertiasCOM=matrices([np.diag([0.0, 0.0, inertia]) for inertia in inertias]),
             linkCOMs=vectors([[*link.centre_m, 0.0] for link in links]),
             gravity=[*self.of.gravity_m_s2, 0.0],
@@ -268,7 +285,7 @@ class Model:
             items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=mass, forceUserFunction=force)
         )
 
-    def _add_drive(self, tree: bool) -> None:
+    def _add_drive(self, tree: bool, branch: int, link: int) -> None:
         """Add what prescribes a speed: a constraint of the absolute model, in a tree a flywheel's torque.
 
         A changing speed is held against a heavy mass. The ground would do, with all of the speed as a
@@ -279,12 +296,6 @@ class Model:
         every entry: there the mass has all of the speed, by a force of time.
         """
         drive, mbs, motion = self.of.drive, self.mbs, self.forces.motion
-        branch, link = self._places[drive.body]
-        if drive.guide is not None:
-            branch, link = way_of(self.branches, self.of.guides[drive.guide]) or (branch, link)
-        else:
-            while self.branches[branch].links[link].axis != "turn":
-                link = self.branches[branch].links[link].parent
         driven, by_table = self._coordinate(branch, link), isinstance(drive.law, Course)
         _, speed, acceleration = motion(np.zeros(1))[:, 0].tolist()
 
@@ -295,9 +306,10 @@ class Model:
             return float(motion(np.array([t]))[1, 0] - acceleration * t)
 
         if tree:
-            mass = np.zeros(2 * [len(self.branches[branch].links)])
-            mass[link, link] = HEAVY
-            mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[self._nodes[branch]], massMatrix=mass))
+            if drive.guide is not None:  # else the flywheel is in the link's inertia; this one has no weight
+                mass = np.zeros(2 * [len(self.branches[branch].links)])
+                mass[link, link] = HEAVY
+                mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[self._nodes[branch]], massMatrix=mass))
             if not isinstance(drive.law, ConstantSpeed):
                 mbs.AddLoad(items.LoadCoordinate(markerNumber=driven, load=0.0, loadUserFunction=push))
             return
