@@ -259,7 +259,7 @@ class Stage:
         self.moves.append(lambda k: disc.set_center(centre[k]))
 
     def _draw_forces(self) -> tuple[list[Any], str]:
-        """Draw the forces of joints and of guides as arrows, the longest cut; return these and their scale."""
+        """Draw the forces of joints and of guides as arrows, the longest cut, and return their scale."""
         largest = [np.hypot(*force.T) for _, force in self.forces.values()]
         usual_N = float(np.quantile(np.concatenate([[0.0], *largest]), IN_LENGTH)) or 1.0
         mm_per_N, longest_mm = ARROW * self.unit_mm / usual_N, LONGEST_ARROW * self.unit_mm

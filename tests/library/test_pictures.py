@@ -81,7 +81,7 @@ def test_the_scale_of_arrows_is_told_and_holds(run: cs.Run) -> None:
         cut = cut_mm / max(float(np.hypot(*whole)), cut_mm)
         np.testing.assert_allclose(np.append(joints.U[k], joints.V[k]), cut * whole, rtol=5e-3)
         place = drawn.forces[f"joint {name} on the {body}"][0][3]
-        np.testing.assert_array_equal(joints.get_offsets()[k : k + 1], place[None])
+        np.testing.assert_array_equal(np.asarray(joints.get_offsets())[k], place)
 
 
 @pytest.mark.parametrize("bearing", ["coupler", "rocker"])
