@@ -167,3 +167,14 @@ def test_a_scene_by_a_table_can_be_begun_within_it() -> None:
         started_from(driven, position, velocity, 0.2)
     later = started_from(driven, position, velocity, 0.2, 0.2)
     assert (later.start.time_s, later.short.start.crank_speed_rad_s, later.end_time_s) == (0.2, 4.0, 0.2)
+
+
+def test_a_law_by_a_function_of_its_own_is_named_in_a_scene_and_only_the_reference_has_it() -> None:
+    room = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "stiffness": 1e10, "damping_N_s_m": 1e5}
+    of = LOOSE.replace({"clearance.B": {**room, "law": "kuwabara-kono"}, "end_time_s": 1e-4})
+    (pin,) = (joint for joint in mechanism_of(of).joints if isinstance(joint, ClearanceJoint))
+    assert pin.compliance.kind == "kuwabara-kono"
+    assert pin.compliance.damping_N_s_m == 1e5
+    for engine in ("exudyn", "pymunk"):
+        with pytest.raises(UnsupportedScene, match="clearance.B.law: expected a law of a stiffness and"):
+            make_engine(engine).simulate(of, RunSettings(1e-5, 5))
