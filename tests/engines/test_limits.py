@@ -9,12 +9,10 @@ from pydantic import ValidationError
 
 from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import ENGINES, make_engine
-from engine_models.mechanics.assembly import start_state, started_from
+from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.quality import quality_of
-from engine_models.scene.format import SceneError, TableDrive
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from engine_models.scene.short import Start
 from studies.judges.converged_truth import converged
 from tests.engines.runs import run
 from tests.helpers.crank_sliders import HELD
@@ -151,30 +149,11 @@ def test_two_pins_that_touch_at_one_instant_both_do() -> None:
             np.testing.assert_allclose(impacts.approach_speed_m_s, speeds, rtol=0, atol=100 * within)
 
 
-# Runs, engines and scenes that are asked for wrongly in Python are refused in the command line's words.
-
-
-def test_a_scene_by_a_table_can_be_begun_within_it() -> None:
-    """Clock, speed and end are changed together: each alone would leave the table, an angle of 10 t^2."""
-    times, angles = (0.0, 0.1, 0.2, 0.3, 0.4), (0.0, 0.1, 0.4, 0.9, 1.6)
-    table = TableDrive(kind="table", time_s=times, angle_rad=angles)
-    start = Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0)
-    driven = SCENES["ideal-driven"]().model_copy(update={"drive": table, "start": start, "end_time_s": 0.4})
-    position, velocity = start_state(driven)
-    velocity = velocity + 0.0
-    velocity[0, 2] = 4.0  # at 0.2 s
-    with pytest.raises(SceneError, match=r"drive.time_s.4: expected at least 0.6, when the scene ends"):
-        started_from(driven, position, velocity, 0.2)
-    later = started_from(driven, position, velocity, 0.2, 0.2)
-    assert (later.start.time_s, later.short.start.crank_speed_rad_s, later.end_time_s) == (0.2, 4.0, 0.2)
-
-
-def test_a_law_by_a_function_of_its_own_is_named_in_a_scene_and_only_the_reference_has_it() -> None:
+def test_a_law_by_a_function_of_its_own_is_named_in_a_scene_and_the_reference_alone_has_it() -> None:
     room = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "stiffness": 1e10, "damping_N_s_m": 1e5}
-    of = LOOSE.replace({"clearance.B": {**room, "law": "kuwabara-kono"}, "end_time_s": 1e-4})
-    (pin,) = (joint for joint in mechanism_of(of).joints if isinstance(joint, ClearanceJoint))
-    assert pin.compliance.kind == "kuwabara-kono"
-    assert pin.compliance.damping_N_s_m == 1e5
+    of = SCENES["clearance-driven-0.5mm"]().replace("clearance.B", {**room, "law": "kuwabara-kono"})
+    law = mechanism_of(of).contacts[0].compliance
+    assert (law.kind, law.stiffness, law.damping_N_s_m) == ("kuwabara-kono", 1e10, 1e5)
     for engine in ("exudyn", "pymunk"):
         with pytest.raises(UnsupportedScene, match="clearance.B.law: expected a law of a stiffness and"):
             make_engine(engine).simulate(of, RunSettings(1e-5, 5))

@@ -19,10 +19,8 @@ from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.mechanics.states import observed
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.library import CLEARANCE_SCENES
 from engine_models.scene.scene import Scene
 from tests.engines.mechanism_texts import CRANK_SLIDER, scene
-from tests.helpers.arrays import joint_forces
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
 #: What runs by DOP853 at 1e-12 leave of the energy in play.
@@ -252,19 +250,3 @@ def test_what_is_new_does_what_its_equation_says(name: str) -> None:
         speed = run.velocity[:, 0, 2]
         assert speed.min() < SPEEDS[0], "it turns more slowly than its table begins"
         assert speed.max() > SPEEDS[-1], "and faster than it ends"
-
-
-@pytest.mark.parametrize("name", ["clearance-driven-0.5mm", "clearance-free-0.5mm"])
-def test_a_bearing_on_the_other_body_turns_the_gap_round_and_nothing_else(name: str) -> None:
-    of = CLEARANCE_SCENES[name]()
-    of = of.model_copy(update={"end_time_s": 0.003 if "driven" in name else 0.016})
-    own, other = ran(of), ran(of.replace("clearance.B.bearing", "slider"))
-    assert len(own.contacts["B"].impacts.time_s) > 1
-    assert np.abs(own.position - other.position).max() < 1e-8
-    assert np.abs(own.contacts["B"].gap_m + other.contacts["B"].gap_m).max() < 1e-9
-    largest = np.abs(joint_forces(own)).max()
-    assert np.abs(joint_forces(own) - joint_forces(other)).max() < 1e-4 * largest, (
-        "stiff: a force is of the gap"
-    )
-    explicit = ran(of.replace("clearance.B.bearing", "rod"))
-    assert np.abs(own.position - explicit.position).max() < 1e-9

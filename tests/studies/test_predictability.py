@@ -45,16 +45,6 @@ def test_with_a_restitution_of_a_half_it_takes_seven_to_eight_revolutions() -> N
     assert 6.5 < after < 8.5, f"{after} revolutions"
 
 
-def test_nothing_parts_at_a_small_clearance_and_horizons_grow_with_the_tolerance() -> None:
-    parted = apart(following(TIGHT, 4), 400, (-1.0, 1.0))
-    assert max(parted.perturbed_m.max(), parted.halved_m.max()) <= 1e-9
-    parted = apart(following(SET_R, 4), 400, (-1.0, 1.0))
-    for distance in (*parted.perturbed_m, parted.halved_m):
-        times = [first_beyond_s(parted.time_s, distance, tolerance) for tolerance in (1e-10, 1e-9, 1e-6, 1.0)]
-        assert times == sorted(times)
-        assert times[0] < times[2] < times[3] == np.inf
-
-
 def test_a_row_has_median_least_and_largest_of_the_perturbed_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """They reach 1 nm after 1, 2 and 3 s, 1 um after 2, 3 and never, the halved one 1 nm alone, after 3."""
     time, nm, um = np.arange(4.0), 2e-9, 2e-6
