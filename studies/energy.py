@@ -99,7 +99,7 @@ IDEAL_ARMS = (
     arms.REFERENCE_DOP853,
     arms.TUNED,
     arms.OUT_OF_THE_BOX,
-    arms.SCIPY_DOP853,
+    arms.ODE,
     arms.TRAPEZOIDAL,
     arms.GENERALIZED_ALPHA,
 )

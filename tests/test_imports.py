@@ -27,10 +27,7 @@ OF_MINIMAL = (
     "engine_models.kernels.",
     "engine_models.mechanics.impacts.",
     "engine_models.mechanics.states.",
-    "engine_models.memory.",
     "engine_models.minimal.",
-    "engine_models.pace.",
-    "engine_models.progress.",
     "reference_solver.mechanism.data.",
 )
 FILES = [
@@ -38,7 +35,7 @@ FILES = [
 ]
 TESTS = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("*.py"))
 MOST_ENTRIES = 28
-ENGINE_ROOMS = tuple(f"engine_models/{room}/" for room in ("reference", "exudyn", "pymunk"))
+ENGINE_ROOMS = tuple(f"engine_models/{room}/" for room in ("reference", "exudyn", "pymunk", "scipy_ivp"))
 
 
 def file_of(name: str) -> str:
