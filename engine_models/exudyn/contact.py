@@ -111,16 +111,14 @@ def contact_record(
     grid = np.unique(np.concatenate([motion.time_s, time_s, ended, release]))
     sums = integral(grid, powers)
     impulse, normal_loss, friction_loss = sums[:, np.searchsorted(grid, time_s)]
-    impulses, normal_losses, friction_losses = (
-        sums[:, np.searchsorted(grid, release)] - sums[:, np.searchsorted(grid, ended)]
-    )
+    over = sums[:, np.searchsorted(grid, release)] - sums[:, np.searchsorted(grid, ended)]
     inside = [along_steps(motion.time_s, *ends) for ends in zip(ended, release, strict=True)]
     within = states(np.concatenate([np.zeros(0), *inside]))
     ends = np.cumsum([len(times) for times in inside], dtype=int)[:-1]
-    forces_N, depths = (
+    peaks = [
         np.reshape([largest(*each) for each in zip(inside, np.split(of, ends), strict=False)], (-1, 2)).T
         for of in (within.normal_force_N, within.penetration_m)
-    )
+    ]
     sampled = states(time_s)
     return contact_of(
         clearance,
@@ -135,12 +133,12 @@ def contact_record(
             time_s=ended,
             duration_s=release - ended,
             approach_speed_m_s=states(ended).rate_m_s,
-            normal_impulse_N_s=impulses,
-            energy_lost_J=normal_losses + friction_losses,
-            largest_normal_force_N=forces_N[0],
-            largest_normal_force_time_s=forces_N[1],
-            largest_penetration_m=depths[0],
-            largest_penetration_time_s=depths[1],
+            normal_impulse_N_s=over[0],
+            energy_lost_J=over[1] + over[2],
+            largest_normal_force_N=peaks[0][0],
+            largest_normal_force_time_s=peaks[0][1],
+            largest_penetration_m=peaks[1][0],
+            largest_penetration_time_s=peaks[1][1],
         ),
     )
 

@@ -77,6 +77,10 @@ class ExudynEngine(Engine):
         has_tree = scene.joints_with_clearance and not why_no_tree(scene.mechanism)
         return "DOPRI5" if has_tree else "TrapezoidalIndex2"
 
+    def steps_as_they_come(self, scene: Scene) -> bool:
+        """Return whether samples may lie between steps: with clearance, and without constraints."""
+        return bool(scene.joints_with_clearance) or self.solver_of(scene) in EXPLICIT
+
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""
         require_family(scene, "exudyn")
@@ -135,14 +139,9 @@ class ExudynEngine(Engine):
         """Return of how many steps at least Exudyn's sensors keep something, and how many bytes of each."""
         steps = run.samples * run.steps_per_sample(scene.end_time_s)
         threes = max(1, math.ceil(len(scene.mechanism.bodies) / 3))
-        if steps_as_they_come(self, scene):
+        if self.steps_as_they_come(scene):
             return steps, threes * BYTES_PER_STEP_WITH_CONTACT
         return bool(Forces(scene).integrated) * steps, threes * BYTES_PER_STEP
-
-
-def steps_as_they_come(engine: ExudynEngine, scene: Scene) -> bool:
-    """Return whether samples may lie between steps: with clearance, and without constraints."""
-    return bool(scene.joints_with_clearance) or engine.solver_of(scene) in EXPLICIT
 
 
 def _runs() -> Any:

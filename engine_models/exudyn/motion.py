@@ -1,8 +1,8 @@
 """The motion of bodies by the coordinates of links, and what forces on bodies put on these.
 
 A frame is (x, y, angle) with two derivatives. Along a link's axis u by s, on a frame that turns at w,
-r = s u, r' = s' u + w z x r, r'' = s'' u + 2 w s' z x u + w' z x r - w^2 r. By virtual power a force F at
-the frame's origin, and a torque T about it, put F u on a link that slides and T on one that turns.
+r = s u, r' = s' u + w z x r, r'' = s'' u + 2 w s' z x u + w' z x r - w^2 r. Forces F on bodies put on a link
+their power F v at its unit rate.
 """
 
 import math
@@ -99,27 +99,15 @@ def generalised(
     p: FloatArray, links: FloatArray, t: float, s: FloatArray, r: FloatArray, at: FloatArray, out: FloatArray
 ) -> None:
     """Fill what the loads of p put on every link, out (links,); ``at`` (3, 3b) has bodies without a link."""
-    frames, F = np.empty((len(links), 9)), np.zeros(at.shape[1])
-    told, powers = np.empty(p.size), np.empty(p.size)
-    place_bodies(links, s, r, np.zeros(len(links)), frames, at)
+    frames, unit, still = np.empty((len(links), 9)), np.zeros(len(links)), np.zeros(len(links))
+    F, moved, told, powers = np.zeros(at.shape[1]), np.zeros(at.shape), np.empty(p.size), np.empty(p.size)
+    place_bodies(links, s, r, still, frames, at)
     eq.forces(p, t, at[0], at[1], F, told, powers)
-    wrench = np.zeros((len(links), 3))
-    for k in range(len(links) - 1, -1, -1):
-        e, f, w = links[k], frames[k], wrench[k]
-        if e[BODY] >= 0.0:
-            b = 3 * int(e[BODY])
-            w[0], w[1] = w[0] + F[b], w[1] + F[b + 1]
-            w[2] += F[b + 2] + (at[0, b] - f[0]) * F[b + 1] - (at[0, b + 1] - f[1]) * F[b]
-        c, d = math.cos(f[2]), math.sin(f[2])
-        out[k] = w[2]
-        if e[AXIS] == 0.0:
-            out[k] = c * w[0] + d * w[1]
-        elif e[AXIS] == 1.0:
-            out[k] = c * w[1] - d * w[0]
-        if e[PARENT] >= 0.0:
-            above, carrier = wrench[int(e[PARENT])], frames[int(e[PARENT])]
-            above[0], above[1] = above[0] + w[0], above[1] + w[1]
-            above[2] += w[2] + (f[0] - carrier[0]) * w[1] - (f[1] - carrier[1]) * w[0]
+    for k in range(len(links)):
+        unit[k] = 1.0
+        place_bodies(links, s, unit, still, frames, moved)
+        out[k] = np.sum(F * moved[1])
+        unit[k] = 0.0
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,11 @@
 """Exudyn's runs as trajectories: forces, works and contacts follow from the motion that it recorded."""
 
-from itertools import chain
-
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from engine_models.engine import BareRun, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact import contact_record, contact_states
-from engine_models.exudyn.engine import IMPLICIT, ExudynEngine, steps_as_they_come
+from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, integral, link_rows, states
 from engine_models.exudyn.solver import silence, simulation_settings, solve
@@ -36,7 +34,7 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
         model, solve_time_s = _solved(engine, scene, run, every)
         motion = _recorded(scene, model, tree)
         time, steps = run.times_s(scene), (len(motion.time_s) - 1) * every
-        if steps_as_they_come(engine, scene):
+        if engine.steps_as_they_come(scene):
             steps, grid, sampled_s = len(motion.time_s) - 1, np.union1d(motion.time_s, time), time
         else:
             grid, sampled_s = motion.time_s, motion.time_s[:: steps // every // run.samples]
@@ -107,19 +105,15 @@ def _recorded(scene: Scene, model: Model, tree: bool) -> Motion:
     Raises:
         SimulationFailed: the run broke off or is not finite.
     """
-    quantities = [[_stored(model, sensor) for sensor in of] for of in model.motion]
-    time = quantities[0][0][:, 0]
-    for record in chain(*quantities):
-        if len(record) != len(time):
-            raise SimulationFailed(f"Exudyn recorded nothing at t = {time[-1]:.6g} s")
-        finite = np.isfinite(record).all(axis=1)
-        if not finite.all():
-            raise SimulationFailed(f"non-finite state at t = {time[int(np.argmin(finite))]:.6g} s")
+    time = _stored(model, model.motion[0][0])[:, 0]
+    coordinates, rates, accelerations = (
+        np.concatenate([_stored(model, sensor)[:, 1:] for sensor in of], axis=1) for of in model.motion
+    )
+    finite = np.isfinite(np.concatenate([coordinates, rates, accelerations], axis=1)).all(axis=1)
+    if not finite.all():
+        raise SimulationFailed(f"non-finite state at t = {time[int(np.argmin(finite))]:.6g} s")
     if time[-1] < (1 - ROUND_OFF) * scene.end_time_s:
         raise SimulationFailed(f"Exudyn stopped short of the end at t = {time[-1]:.6g} s")
-    coordinates, rates, accelerations = (
-        np.concatenate([record[:, 1:] for record in of], axis=1) for of in quantities
-    )
     histories = {joint: _stored(model, sensor)[:, 1:] for joint, sensor in model.histories.items()}
     switched = np.append(tree, np.zeros(len(time) - 1, dtype=bool))
     for joint, history in histories.items():
@@ -127,17 +121,9 @@ def _recorded(scene: Scene, model: Model, tree: bool) -> Motion:
         switched[1:] |= np.diff(history[:, GAP] < 0)
         if friction is not None:
             switched[1:] |= np.diff(history[:, SLIDING_SPEED] < friction.regularisation_speed_m_s)
-    return Motion(
-        time_s=time,
-        links=link_rows(model.branches),
-        bodies=len(scene.mechanism.bodies),
-        coordinates=model.start + coordinates,
-        rates=rates,
-        accelerations=accelerations,
-        histories=histories,
-        switched=switched,
-        implicit=not tree,
-    )
+    links, bodies = link_rows(model.branches), len(scene.mechanism.bodies)
+    states = model.start + coordinates, rates, accelerations
+    return Motion(time, links, bodies, *states, histories, switched, implicit=not tree)
 
 
 def _stored(model: Model, sensor: int) -> FloatArray:

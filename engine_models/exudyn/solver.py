@@ -11,7 +11,7 @@ import numpy as np
 
 from engine_models import progress
 from engine_models.engine import EngineFailed, RunSettings, SimulationFailed
-from engine_models.exudyn.engine import IMPLICIT, ExudynEngine, steps_as_they_come
+from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.crank_motion import FEWEST_STEPS, quickest_s
 from engine_models.mechanics.states import lever_m, shortest_m
@@ -64,7 +64,7 @@ def simulation_settings(
     ends alone are.
     """
     solver, steps = engine.solver_of(scene), run.samples * run.steps_per_sample(scene.end_time_s)
-    as_they_come, step_s = steps_as_they_come(engine, scene), scene.end_time_s / steps
+    as_they_come, step_s = engine.steps_as_they_come(scene), scene.end_time_s / steps
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     settings.solution.sensors.writePeriod = 0.0 if as_they_come and every else step_s * (every or steps)
@@ -81,7 +81,18 @@ def simulation_settings(
     if solver in IMPLICIT:
         integration.generalizedAlpha.spectralRadius = engine.spectral_radius
         integration.generalizedAlpha.computeInitialAccelerations = True
-        _set_newton(integration.newton, newton_bound(scene, forces, solver, step_s))
+        newton = integration.newton
+        # Full Newton, and Jacobians kept over steps, are slower than one Jacobian a step.
+        newton.useModifiedNewton = newton.modifiedNewtonJacUpdatePerStep = True
+        # Residuals are forces: no bound fits both a light mechanism and a heavy one. Judge the increments,
+        # which asks for both tolerances to be the same.
+        newton.residualMode, newton.maxIterations = 1, 25
+        bound = newton_bound(scene, forces, solver, step_s)
+        newton.relativeTolerance = newton.absoluteTolerance = bound
+        # Only the initial accelerations rest on differences (of the joints, along the velocity): the default
+        # 1e-9 m or rad loses half their digits, and the trapezoidal rule keeps that error for ever.
+        newton.numericalDifferentiation.relativeEpsilon = 1e-8
+        newton.numericalDifferentiation.minimumCoordinateSize = 1.0
         return settings
     explicit = integration.explicit
     explicit.useLieGroupIntegration = False  # there is none among planar coordinates
@@ -116,22 +127,6 @@ def _locate_events(
     switching.maxIterations = 5
     # The switching error is the gap times the stiffness.
     switching.iterationTolerance = gap * min(stiffness_of(wall) for wall in scene.clearances.values())
-
-
-def _set_newton(newton: exu.NewtonSettings, bound: float) -> None:
-    """Set Newton's iteration, down to a bound on its increments.
-
-    A bound on residuals, which are forces, would not fit both a light mechanism and a heavy one. One Jacobian
-    is factorised a step: full Newton, and Jacobians kept over steps, are slower.
-    """
-    newton.useModifiedNewton = newton.modifiedNewtonJacUpdatePerStep = True
-    newton.residualMode = 1  # judge the increments, which asks for both tolerances to be the same
-    newton.relativeTolerance = newton.absoluteTolerance = bound
-    newton.maxIterations = 25
-    # Only the initial accelerations rest on differences (of the joints, along the velocity): the default
-    # 1e-9 m or rad loses half their digits, and the trapezoidal rule keeps that error for ever.
-    newton.numericalDifferentiation.relativeEpsilon = 1e-8
-    newton.numericalDifferentiation.minimumCoordinateSize = 1.0
 
 
 def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> float:

@@ -7,7 +7,7 @@ its way has to be a coordinate. In the tree model all ideal joints are links, wh
 close no loop. Bodies are found breadth first from the ground, then from a body of each part that is afloat.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -73,14 +73,13 @@ def turned(angle_rad: float, point: Point) -> Point:
     return x * cos - y * sin, x * sin + y * cos
 
 
-def spanning(of: MechanismData, joints: Iterable[Joint]) -> Iterator[Hung]:
+def spanning(of: MechanismData, joints: Sequence[Joint]) -> Iterator[Hung]:
     """Yield all bodies in the order in which joints hang them on each other.
 
     Of a part that is afloat the first is the driven body, or that with the line of a driven guide.
     """
-    drive, joints = of.drive, [*joints]
+    drive, placed = of.drive, list[int]()
     first = drive.body if drive.guide is None else of.guides[drive.guide].body_i
-    placed = list[int]()
     for root in (GROUND, *sorted(range(len(of.bodies)), key=lambda body: body != first)):
         if root in placed:
             continue
@@ -96,14 +95,10 @@ def spanning(of: MechanismData, joints: Iterable[Joint]) -> Iterator[Hung]:
                     queue.append(body)
 
 
-def ideal_joints(of: MechanismData) -> list[Joint]:
-    """Return the joints without clearance, guides included."""
-    return [*of.ideal, *of.guides]
-
-
 def why_no_tree(of: MechanismData) -> str:
     """Return why a mechanism has no model without constraints, nothing if it has one."""
-    drive, turns, ideal = of.drive, {GROUND: 0}, ideal_joints(of)
+    ideal: list[Joint] = [*of.ideal, *of.guides]
+    drive, turns = of.drive, {GROUND: 0}
     hung = [*spanning(of, ideal)]
     if len(ideal) > sum(joint is not None for _, joint, _ in hung):
         return "explicit solvers take no constraints, and ideal joints alone form a closed loop"
@@ -132,7 +127,7 @@ def branches_of(
     ``states`` (2, bodies, 3) are positions and velocities at the start.
     """
     branches, places = list[Branch](), dict[int, tuple[int, int]]()
-    for body, joint, before in spanning(of, ideal_joints(of) if tree else _carriers(of)):
+    for body, joint, before in spanning(of, [*of.ideal, *of.guides] if tree else _carriers(of)):
         turn, parent, frame = states[:, body, 2], -1, Link(-1, "x")
         if before == GROUND:
             branches.append(Branch())
