@@ -5,47 +5,34 @@ loads and by the impulses of joints and contacts, all at the new positions. The 
 position errors back. So after step k the positions x_k are those of t_k = k dt, and the kick was made at x_k.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
-from typing import Annotated, ClassVar, Literal
+from types import SimpleNamespace
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, BareRun, RunSettings, T, Trajectory, UnsupportedScene
+from engine_models.engine import (
+    SETTINGS_CONFIG,
+    BareRun,
+    RunSettings,
+    T,
+    Trajectory,
+    UnsupportedScene,
+    require_finite,
+)
 from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import checked_start, unwound
 from engine_models.memory import require_memory
-from engine_models.pymunk.inputs import Inputs
-from engine_models.pymunk.joints.balance import balanced
-from engine_models.pymunk.joints.dampers import damped, dampers_of, require_damped
-from engine_models.pymunk.joints.plan import Plan, plan_of
-from engine_models.pymunk.joints.sweeps import (
-    LEFT_OVER,
-    LEFT_OVER_WITH_CONTACTS,
-    THINNED,
-    Convergence,
-    are_apart,
-    convergence_of,
-    path_of,
-)
+from engine_models.minimal.forces import Forces
+from engine_models.minimal.run import trajectory_of
 from engine_models.pymunk.model import build
-from engine_models.pymunk.rigid_twin import rigid_twin
-from engine_models.pymunk.run import pymunk_bare_run, pymunk_run
-from engine_models.pymunk.stepping import Model
-from engine_models.pymunk.workspace import Workspace
+from engine_models.pymunk.native_contact import rigid_twin
+from engine_models.pymunk.run import Run, require_the_mechanism
 from engine_models.scene.parts import AnyScene
 from reference_solver.mechanism.data import ConstantSpeed
 
-#: Pymunk's own defaults: joints and contacts lose a tenth of their position error every sixtieth of a second.
-LIBRARY_ITERATIONS, LIBRARY_ERROR_BIAS = 10, (1.0 - 0.1) ** 60.0
-LIBRARY_SLOP_M, LIBRARY_PERSISTENCE = 0.1, 3
-#: Masses are balanced where that saves so many sweeps, or one where a drive prescribes the motion: elsewhere
-#: one is not worth what it changes of the error (four-bars: up to 28 % more).
-SAVED = 2
 #: What fits into a C int.
 Count = Annotated[int, Field(gt=0, lt=2**31)]
 
@@ -119,40 +106,23 @@ class PymunkEngine(CompiledEngine):
     remembered.
     """
 
-    joints: Literal["fewest", "all"] = "fewest"
-    joint_order: Literal["pins-first", "reversed"] = "pins-first"
-    iterations: Count | None = None
-    sweeps_leave: Annotated[float, Field(gt=0, lt=0.5)] | None = None
+    iterations: Count = 100
     shorter_in_contact: Annotated[float, Field(ge=1, le=16)] = 1.0
     error_bias: Annotated[float, Field(ge=0, lt=1)] = 0.0
     half_kick_start: bool = True
     contact: Literal["as-scene", "rigid"] = "as-scene"
-    contact_iterations: Count = 200
     collision_bias: Annotated[float, Field(ge=0, le=1)] = 1e-300
     collision_slop_m: Annotated[float, Field(ge=0)] = 0.0
     collision_persistence: Count = 1
     any_mechanism: ClassVar[bool] = True
-
-    @classmethod
-    def out_of_the_box(cls) -> "PymunkEngine":
-        """Return the engine as it is for a user who sets nothing."""
-        return cls(
-            joints="all",
-            iterations=LIBRARY_ITERATIONS,
-            error_bias=LIBRARY_ERROR_BIAS,
-            half_kick_start=False,
-            contact_iterations=LIBRARY_ITERATIONS,
-            collision_bias=LIBRARY_ERROR_BIAS,
-            collision_slop_m=LIBRARY_SLOP_M,
-            collision_persistence=LIBRARY_PERSISTENCE,
-        )
 
     def check(self, scene: AnyScene) -> None:
         """Raise UnsupportedScene for a guide, or for a law without a restitution, that Pymunk cannot express.
 
         So is a scene without the steps asked for.
         """
-        plan_of(self.twin(scene).mechanism, self.joints == "fewest")
+        of = self.twin(scene).mechanism
+        build(of, np.zeros((len(of.bodies), 3)), rotors=False)
 
     def twin(self, scene: T) -> T:
         """Return the scene itself, or with ``contact`` = "rigid" the same one with rigid laws throughout.
@@ -180,13 +150,27 @@ class PymunkEngine(CompiledEngine):
         Raises:
             UnsupportedScene: see ``check``.
             SimulationFailed: a joint came apart by more than a tenth of the longest lever, a pin went through
-                the wall of its bearing, the numbers overflowed, a damper is too strong for the step, or the
-                driver's speed changes within a step.
+                the wall of its bearing, the numbers overflowed, or the driver's speed changes within a step.
         """
         require_memory(scene, settings)
-        model = self._model(self.twin(scene), settings)
+        twin = self.twin(scene)
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
-            return unwound(scene, pymunk_run(model, settings))
+            run = self._run(twin, settings, records=True)
+            model: Any = run.forces
+            model.scene, model.turns_rad = twin, 0.0
+            done: Any = SimpleNamespace(
+                model=model,
+                states=run.rows_y,
+                told=run.rows_told,
+                times_s=run.times_s,
+                steps=run.steps,
+                impacts=run.impacts,
+            )
+            trajectory = trajectory_of(done, run.solve_time_s)
+            require_the_mechanism(
+                twin, run.model.groove_m, trajectory.position, trajectory.position[:1], trajectory.time_s
+            )
+            return unwound(scene, require_finite(trajectory))
 
     def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
         """Return the same steps, of which works and forces need nothing.
@@ -194,59 +178,39 @@ class PymunkEngine(CompiledEngine):
         Raises:
             UnsupportedScene, SimulationFailed: as ``simulate`` does.
         """
-        model = self._model(self.twin(scene), settings)
+        twin = self.twin(scene)
         with np.errstate(all="ignore"):
-            return pymunk_bare_run(model, settings)
+            run = self._run(twin, settings, records=False)
+            position = run.end()
+            require_the_mechanism(
+                twin, run.model.groove_m, position[None], run.start[None], np.array([twin.end_time_s])
+            )
+            return BareRun(run.solve_time_s, position)
 
-    def _model(self, scene: AnyScene, settings: RunSettings) -> Model:
-        of, step_s = scene.mechanism, settings.step_used_s(scene.end_time_s)
-        require_followed(scene, step_s)
-        plan = plan_of(of, self.joints == "fewest")
-        if self.joint_order == "reversed":
-            plan = replace(plan, joints=plan.joints[::-1])
-        dampers = dampers_of(of, self.shorter_in_contact == 1)
-        require_damped(of, plan, dampers, step_s, self.half_kick_start)
+    def _run(self, scene: AnyScene, settings: RunSettings, records: bool) -> Run:
+        require_followed(scene, settings.step_used_s(scene.end_time_s))
         start, velocity = checked_start(scene)
-        left = self.sweeps_leave or (LEFT_OVER_WITH_CONTACTS if scene.joints_with_clearance else LEFT_OVER)
-        heavier = partial(damped, dampers=dampers, damped_s=step_s / 2 if self.half_kick_start else step_s)
-        plan, convergence = self._settled(scene, plan, heavier, left)
-        sweeps = self.iterations or convergence.sweeps(left)
-        space, bodies = build(plan, of.gravity_m_s2, start, velocity, sweeps, self.error_bias)
+        forces = Forces(scene)
+        model = build(scene.mechanism, start, rotors=bool(forces.parts) and self.half_kick_start)
+        space = model.space
+        space.gravity, space.iterations = scene.mechanism.gravity_m_s2, self.iterations
         space.collision_bias, space.collision_slop = self.collision_bias, self.collision_slop_m
         space.collision_persistence = self.collision_persistence
-        inputs = Inputs(of, plan, dampers)
-        workspace = Workspace(space, bodies, inputs, scene.clearances, self.contact_iterations)
-        return Model(
+        for joint in space.constraints:
+            joint.error_bias = self.error_bias
+        run = Run(
             scene,
-            plan,
-            start,
-            space,
-            bodies,
-            inputs,
-            workspace,
-            convergence,
+            settings,
+            model,
+            forces,
             self.half_kick_start,
             self.shorter_in_contact,
+            records,
+            start,
+            velocity,
         )
-
-    def _settled(
-        self, scene: AnyScene, plan: Plan, heavier: Callable[[Plan], Plan], left: float
-    ) -> tuple[Plan, Convergence]:
-        """Return the plan with dampers, balanced where that saves sweeps, and how these converge."""
-        own = heavier(plan)
-        if are_apart(plan):
-            return own, Convergence(0.0)
-        path = path_of(scene)
-        found = convergence_of(own, path)
-        rigid = any(room.law == "rigid" for room in scene.clearances.values())
-        sweeps = found.sweeps(left)
-        if self.joints == "all" or rigid or sweeps == 1:
-            return own, found
-        other = heavier(balanced(plan, path[::THINNED]))
-        faster = convergence_of(other, path)
-        saved = sweeps - faster.sweeps(left)
-        pays = saved >= (1 if scene.mechanism.drive.prescribes else SAVED)
-        return (other, faster) if pays else (own, found)
+        run.run()
+        return run
 
 
 def needs_one_step(scene: AnyScene) -> list[str]:
