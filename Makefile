@@ -43,11 +43,11 @@ lint: .venv/.ready
 types: .venv/.ready
 	$(BIN)/mypy
 
-# Time per step of the compiled kernels beside hand-written C, and of the ladders beside scripts, as ratios. heyoka's,
-# the limit of speed, run where it is installed (pip install heyoka).
+# Time per step of the compiled kernel beside hand-written C, and of runs beside heyoka's, the limit of speed, where that
+# is installed (pip install heyoka).
 benchmark: .venv/.ready
 	$(BIN)/python -m tests.benchmarks.kernel
-	$(BIN)/python -m tests.benchmarks.rivals.race
+	-$(BIN)/python -m tests.benchmarks.limit
 
 # Renew the quick set in reports/published from the committed code; a test recomputes it.
 publish: .venv/.ready

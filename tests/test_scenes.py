@@ -14,7 +14,6 @@ OF_INPUT = ("input/", "scenes/", "engine_models/scene/")
 #: Files and folders that make scenes or mechanisms of their own, and why none of the shared ones serves.
 OWN = {
     "conformance/properties/": "laws and motions that Hypothesis draws",
-    "docs/test_columns.py": "columns of mechanisms that documentation names",
     "docs/test_snippets.py": "what documentation shows is run as it stands",
     "engines/mechanism_texts.py": "mechanisms whose ends an independent integration has",
     "engines/test_limits.py": "scenes that are absurd, or at the edge of what engines can",

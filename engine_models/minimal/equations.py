@@ -47,8 +47,8 @@ GX, GY, CLOCK, MOTION, M1, M2, M3, M4, MCURVE, MOST = range(10)
 #: FULL speed, 0 below the DEAD one, or tanh.
 C, R, K, N, A, D, SLOWEST, E, PULLS, DRAGS, MU, FULL, DEAD, TANH = range(6, 20)
 #: Phases of a contact, beside the a/v0 that it remembers: flight; its law pushes; it would pull, so that
-#: there is no force, or no friction; and a hit of a rigid wall.
-FLIGHT, PUSHED, CLIPPED, HIT = range(4)
+#: there is no force, or no friction; a hit of a rigid wall; and forces that are given, normal and friction.
+FLIGHT, PUSHED, CLIPPED, HIT, GIVEN = range(5)
 #: What is told of a contact: its forces; (d^2 - c^2)/(2 c) of its gap d, and the rate of that; the sign of
 #: the law's force; and the sliding speed.
 NORMAL, FRICTION, ROOM, RATE, SHARE, SLIDING = range(6)
@@ -257,7 +257,7 @@ def add_contact(
     of_i, of_j = e[R] + half, e[R] - e[C] - half  # surfaces meet in the middle of the penetration
     sliding = nx * vy - ny * vx + spin(v, int(e[3])) * of_j - spin(v, int(e[0])) * of_i
     told[SLIDING] = sliding
-    if phase[0] != PUSHED and phase[0] != CLIPPED:
+    if phase[0] == FLIGHT or phase[0] == HIT:
         return
     elastic = e[K] * max(depth, 0.0) ** e[N]
     told[SHARE] = 1.0 + phase[1] * rate
@@ -270,10 +270,27 @@ def add_contact(
     rub = 0.0
     if e[MU] > 0.0 and phase[0] == PUSHED:
         rub = -e[MU] * force * friction_share(e, sliding)
+    if phase[0] == GIVEN:
+        force, rub = phase[1], phase[2]
     ax, ay, bx, by = ax + of_i * nx, ay + of_i * ny, bx + of_j * nx, by + of_j * ny
     push(F, e, ax, ay, bx, by, -force * nx - rub * ny, -force * ny + rub * nx)
     told[NORMAL], told[FRICTION] = force, rub
     powers[0], powers[1], powers[3] = force, (force - elastic) * rate, -rub * sliding
+
+
+@jit
+def engage(e: FloatArray, phase: FloatArray, q: FloatArray, v: FloatArray) -> None:
+    """Set the phase of a contact by a state, for who looks at states alone; a touch remembers a/v0."""
+    _, _, _, _, dx, dy, vx, vy = apart(q, v, e)
+    distance = math.hypot(dx, dy)
+    if distance <= e[C] or e[K] == 0.0:
+        phase[0] = FLIGHT
+        return
+    rate = (dx * vx + dy * vy) / distance
+    if phase[0] == FLIGHT:
+        phase[1] = e[A] / max(rate, e[SLOWEST])
+    force = e[K] * (distance - e[C]) ** e[N] * (1.0 + phase[1] * rate) + e[D] * rate
+    phase[0] = CLIPPED if force < 0.0 and e[DRAGS] == 0.0 else PUSHED
 
 
 @jit
@@ -321,6 +338,43 @@ def forces(
             push(F, ends, ax, ay, bx, by, force * ux, force * uy)
         at, place_of = at + 1, place_of + 1
     return place_of
+
+
+@entry
+def act(
+    p: FloatArray,
+    t: FloatArray,
+    q: FloatArray,
+    v: FloatArray,
+    phases: FloatArray,
+    F: FloatArray,
+    told: FloatArray,
+    powers: FloatArray,
+) -> None:
+    """Do as ``forces`` at times (n,) in states (n, 3b); a contact that is on in ``phases`` is engaged."""
+    contacts, now = block(p, CONTACTS), block(p, PHASES)
+    for n in range(len(t)):
+        for k in range(len(contacts)):
+            now[k] = phases[n, k]
+            if now[k, 0] == PUSHED:
+                engage(contacts[k], now[k], q[n], v[n])
+        forces(p, t[n], q[n], v[n], F[n], told[n], powers[n])
+
+
+@entry
+def drive(p: FloatArray, t: FloatArray, motion: FloatArray) -> None:
+    """Fill what ``driven`` returns at times (n,), (n, 3)."""
+    for n in range(len(t)):
+        motion[n] = driven(p, t[n])
+
+
+@entry
+def react(p: FloatArray, q: FloatArray, B: FloatArray) -> None:
+    """Fill the rows B (n, m, 3b) of joints, guides and driver in positions (n, 3b)."""
+    phases, still, (g, c, gamma) = block(p, PHASES), np.zeros(q.shape[1]), np.empty((3, B.shape[1]))
+    phases[:] = 0.0
+    for n in range(len(q)):
+        fill_rows(p, 0.0, q[n], still, g, B[n], c, gamma)
 
 
 @jit

@@ -1,7 +1,7 @@
 """A scene as the numbers of ``equations``: its joints, walls, loads and drive, its start, its coordinates."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,6 +30,8 @@ STEEP, SINGULAR = 4.0, 1e-7
 SLOWEST_M_S = 1e-6
 #: By how much joints may be open at the start, as a part of the size, and drift apart, of the largest speed.
 CLOSED = 1e-9
+#: The factor a of a contact's law, by its name and the restitution.
+Damping = Callable[[str, float], float]
 #: Newton's steps to close joints, and the change that ends them.
 STEPS, CHANGE = 20, 1e-15
 
@@ -60,7 +62,7 @@ def damping_of(law: str, e: float) -> float:
     raise UnsupportedScene(f"the independent solver has no contact law {law!r}")
 
 
-def wall_of(room: data.ClearanceData) -> list[float]:
+def wall_of(room: data.ClearanceData, damping: Damping) -> list[float]:
     """Return the columns of a contact behind its ends."""
     law, friction, e, c = room.law, room.friction, room.restitution or 0.0, room.radial_clearance_m
     K = room.stiffness or 0.0
@@ -81,7 +83,7 @@ def wall_of(room: data.ClearanceData) -> list[float]:
         room.bearing_radius_m,
         K,
         room.exponent or (1.0 if law in ("linear", "kelvin-voigt") else 1.5),
-        damping_of(law, e),
+        damping(law, e),
         room.damping_N_s_m or 0.0,
         room.minimum_impact_speed_m_s or (0.0 if law == "rigid" else SLOWEST_M_S),
         e,
@@ -130,149 +132,53 @@ class LimitPosition(SimulationFailed):
     """A prescribed motion has come to where its mechanism cannot follow."""
 
 
-class Model:
-    """y' = f(t, y), y = (q, v, sums), of a scene's mechanism, in the present phases of its contacts.
+class Numbers:
+    """A mechanism as one array of numbers ``p`` (see ``equations``), begun at positions q (3b,).
 
-    ``p`` has all numbers of the mechanism (see ``equations``), ``start`` (state,) is the state at t = 0, and
-    ``size`` 3b. ``sums`` names the sums, and ``parts`` the parts of loads, a drive's torque included.
+    ``size`` is 3b and ``rows`` how many rows of joints there are; ``sums`` names the sums of powers, and
+    ``parts`` the parts of loads, the torque of a drive that prescribes no motion among them.
 
     Raises:
-        ImpossibleStart: joints do not close at the start, or there is none.
         UnsupportedScene: a contact has a law that is not known here.
     """
 
-    def __init__(self, scene: AnyScene) -> None:
-        self.scene, self.of = scene, scene.mechanism
-        q, v = _start_of(scene)
-        self.turns_rad = turns_of(q[2::3])
-        q[2::3] -= self.turns_rad
-        self.size, self._curves, self._pieces = len(q), list[list[float]](), [np.zeros((0, 5))]
+    def __init__(self, of: data.MechanismData, q: FloatArray, damping: Damping) -> None:
+        self.of, self.size = of, len(q)
+        self._curves, self._pieces = list[list[float]](), [np.zeros((0, 5))]
         self.kinks = list[Kinks]()
         parts, joints = [*self._parts()], [*self._joints(q)]
         self.parts = [name for name, _ in parts]
         self.rows = sum(2 if row[0] == eq.PIN else 1 for row in joints)
-        contacts = [[*_ends(pin), *wall_of(pin.clearance)] for pin in self.of.loose if pin.clearance]
-        driver = ["driver"] if self.of.drive.prescribes else []
+        contacts = [[*_ends(pin), *wall_of(pin.clearance, damping)] for pin in of.loose if pin.clearance]
+        driver = ["driver"] if of.drive.prescribes else []
         sums = ("normal_impulse_N_s", "normal_loss_J", "clipped_loss_J", "friction_loss_J")
-        self.sums = [*((pin.name, each) for pin in self.of.loose for each in sums), *self.parts, *driver]
+        self.sums = [*((pin.name, each) for pin in of.loose for each in sums), *self.parts, *driver]
         most = self.rows + len(contacts)
-        levers = levers_m(self.of)
-        self.lever_m = max(levers) or 1.0
-        self.unit = np.tile([self.lever_m, self.lever_m, 1.0], len(self.of.bodies))
-        told = 2 * self.size + most + eq.OF_CONTACT * len(contacts) + len(parts) + 2
+        self.lever_m = max(levers_m(of)) or 1.0
+        self.unit = np.tile([self.lever_m, self.lever_m, 1.0], len(of.bodies))
+        self._first = 2 * self.size + most
+        told = self._first + eq.OF_CONTACT * len(contacts) + len(parts) + 2
         motion = self._motion()
         self.p = _packed(
             [
-                [[body.mass_kg, body.inertia_kg_m2] for body in self.of.bodies],
+                [[body.mass_kg, body.inertia_kg_m2] for body in of.bodies],
                 joints,
                 contacts,
                 [row for _, row in parts],
                 self._curves,
                 np.concatenate(self._pieces),
-                [[*self.of.gravity_m_s2, self.of.drive.clock_s, *motion, most]],
+                [[*of.gravity_m_s2, of.drive.clock_s, *motion, most]],
                 [np.arange(self.size), self.unit],
-                np.zeros((len(contacts), 2)),
+                np.zeros((len(contacts), 3)),
                 np.zeros((1, told)),
             ]
         )
         self.contacts, self.phases = self._block(eq.CONTACTS), self._block(eq.PHASES)
         self.order, self.told = self._block(eq.ORDER)[0], self._block(eq.TOLD)[0]
-        first = 2 * self.size + most
-        of_contacts = self.told[first : first + eq.OF_CONTACT * len(contacts)]
-        self.contacts_told: FloatArray = of_contacts.reshape(-1, eq.OF_CONTACT)
-        self._require_closed(q, v)
-        self.start = self.closed(0.0, np.concatenate([q, v, np.zeros(len(self.sums))]))
-
-    def __call__(self, t: float, y: FloatArray) -> FloatArray:
-        """Return y'; ``told`` is of that state then."""
-        out = np.empty(len(y))
-        eq.rates(self.p, t, y, out)
-        return out
 
     def _block(self, number: int) -> FloatArray:
         first, rows, columns = self.p[3 * number : 3 * number + 3].astype(int).tolist()
         return self.p[first : first + rows * columns].reshape(rows, columns)
-
-    def look(
-        self, t: float, q: FloatArray, v: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return B (m, 3b) of all rows, and g, c and gamma (m,)."""
-        most = self.rows + len(self.phases)
-        B, (g, c, gamma) = np.empty((most, self.size)), np.empty((3, most))
-        m = eq.look(self.p, t, q, v, B, g, c, gamma)
-        return B[:m], g[:m], c[:m], gamma[:m]
-
-    def closed(self, t: float, y: FloatArray) -> FloatArray:
-        """Return a state near y that closes all rows, after a choice of the coordinates that depend there.
-
-        Raises:
-            SimulationFailed: the position is singular.
-        """
-        y, size = y.copy(), self.size
-        q, v = y[:size], y[size : 2 * size]
-        B, *_ = self.look(t, q, v)
-        m = len(B)
-        dependent = self.choose(t, B)
-        for _ in range(STEPS if m else 0):
-            B, g, *_ = self.look(t, q, v)
-            change = np.linalg.solve(B[:, dependent], g)
-            q[dependent] -= change
-            if not np.abs(change / self.unit[dependent]).max() > CHANGE:
-                break
-        B, _, c, _ = self.look(t, q, v)
-        rest = self.order[m:].astype(int)
-        v[dependent] = np.linalg.solve(B[:, dependent], c - B[:, rest] @ v[rest]) if m else v[dependent]
-        return y
-
-    def choose(self, t: float, B: FloatArray) -> NDArray[np.int64]:
-        """Choose the coordinates that depend by a pivoted factorisation of rows, and return them."""
-        m, dependent = len(B), np.zeros(0, np.int64)
-        if m:
-            scaled = B * self.unit
-            scaled /= np.linalg.norm(scaled, axis=1)[:, None]
-            R, pivots = scipy.linalg.qr(scaled, mode="r", pivoting=True)
-            diagonal = np.abs(np.diag(R))
-            if m > self.size or not diagonal[-1] > SINGULAR * diagonal[0]:
-                raise self.singular(t)
-            dependent = np.sort(pivots[:m]).astype(np.int64)
-        self.order[:] = [*dependent, *np.setdiff1d(np.arange(self.size), dependent)]
-        return dependent
-
-    def singular(self, t: float) -> SimulationFailed:
-        """Return the failure at a singular position."""
-        begin = f"the mechanism cannot go on at t = {t:.8g} s"
-        if self.of.drive.prescribes:
-            return LimitPosition(f"{begin}: the drive has come to a limit position")
-        return AdapterCannot(f"{begin}: its loops are singular")
-
-    def condition(self, t: float, y: FloatArray) -> float:
-        """Return the least singular value of rows by the largest."""
-        B, *_ = self.look(t, y[: self.size], y[self.size : 2 * self.size])
-        scaled = B * self.unit
-        values = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1)[:, None], compute_uv=False)
-        return float(values[-1] / values[0]) if len(B) else 1.0
-
-    @cached_property
-    def stops_s(self) -> FloatArray:
-        """The times after the start at which tables over time and ramps have kinks."""
-        law, clock = self.of.drive.law, self.of.drive.clock_s
-        tables: list[object] = [
-            each for load in self.of.loads for each in (load.force_by_time, load.torque_by_time)
-        ]
-        tables += [law.table] if isinstance(law, data.Course) else []
-        tables += [law.torque_N_m] if isinstance(law, data.Torque) else []
-        stops = [x for table in tables if isinstance(table, data.Table) for x in table.x]
-        stops += [law.duration_s] if isinstance(law, data.Ramp) else []
-        return np.unique(np.array(stops, float) - clock)
-
-    def _require_closed(self, q: FloatArray, v: FloatArray) -> None:
-        B, g, c, _ = self.look(0.0, q, v)
-        size_m, speed = max(1.0, self.lever_m), 1.0 + float(np.abs(v).max())
-        off = ("joints are open", "m", g, size_m), ("joints or driver are off", "m/s", B @ v - c, speed)
-        for what, unit, by, whole in off:
-            if not np.abs(by).max(initial=0.0) <= CLOSED * whole:
-                allowed = f"at t = 0 s, expected no more than {CLOSED * whole:.3g} {unit}"
-                raise ImpossibleStart(f"start: {what} by {np.abs(by).max():.3g} {unit} {allowed}")
 
     def _joints(self, q: FloatArray) -> Iterator[list[float]]:
         of = self.of
@@ -376,6 +282,115 @@ class Model:
         self._pieces.append(rows)
         self._curves.append([first, len(rows), table.period, table.x[-1], float(held)])
         return float(len(self._curves) - 1)
+
+
+class Model(Numbers):
+    """y' = f(t, y), y = (q, v, sums), of a scene's mechanism, in the present phases of its contacts.
+
+    ``start`` (state,) is the state at t = 0.
+
+    Raises:
+        ImpossibleStart: joints do not close at the start, or there is none.
+        UnsupportedScene: a contact has a law that is not known here.
+    """
+
+    def __init__(self, scene: AnyScene) -> None:
+        self.scene = scene
+        q, v = _start_of(scene)
+        self.turns_rad = turns_of(q[2::3])
+        q[2::3] -= self.turns_rad
+        super().__init__(scene.mechanism, q, damping_of)
+        of_contacts = self.told[self._first : self._first + eq.OF_CONTACT * len(self.contacts)]
+        self.contacts_told: FloatArray = of_contacts.reshape(-1, eq.OF_CONTACT)
+        self._require_closed(q, v)
+        self.start = self.closed(0.0, np.concatenate([q, v, np.zeros(len(self.sums))]))
+
+    def __call__(self, t: float, y: FloatArray) -> FloatArray:
+        """Return y'; ``told`` is of that state then."""
+        out = np.empty(len(y))
+        eq.rates(self.p, t, y, out)
+        return out
+
+    def look(
+        self, t: float, q: FloatArray, v: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return B (m, 3b) of all rows, and g, c and gamma (m,)."""
+        most = self.rows + len(self.phases)
+        B, (g, c, gamma) = np.empty((most, self.size)), np.empty((3, most))
+        m = eq.look(self.p, t, q, v, B, g, c, gamma)
+        return B[:m], g[:m], c[:m], gamma[:m]
+
+    def closed(self, t: float, y: FloatArray) -> FloatArray:
+        """Return a state near y that closes all rows, after a choice of the coordinates that depend there.
+
+        Raises:
+            SimulationFailed: the position is singular.
+        """
+        y, size = y.copy(), self.size
+        q, v = y[:size], y[size : 2 * size]
+        B, *_ = self.look(t, q, v)
+        m = len(B)
+        dependent = self.choose(t, B)
+        for _ in range(STEPS if m else 0):
+            B, g, *_ = self.look(t, q, v)
+            change = np.linalg.solve(B[:, dependent], g)
+            q[dependent] -= change
+            if not np.abs(change / self.unit[dependent]).max() > CHANGE:
+                break
+        B, _, c, _ = self.look(t, q, v)
+        rest = self.order[m:].astype(int)
+        v[dependent] = np.linalg.solve(B[:, dependent], c - B[:, rest] @ v[rest]) if m else v[dependent]
+        return y
+
+    def choose(self, t: float, B: FloatArray) -> NDArray[np.int64]:
+        """Choose the coordinates that depend by a pivoted factorisation of rows, and return them."""
+        m, dependent = len(B), np.zeros(0, np.int64)
+        if m:
+            scaled = B * self.unit
+            scaled /= np.linalg.norm(scaled, axis=1)[:, None]
+            R, pivots = scipy.linalg.qr(scaled, mode="r", pivoting=True)
+            diagonal = np.abs(np.diag(R))
+            if m > self.size or not diagonal[-1] > SINGULAR * diagonal[0]:
+                raise self.singular(t)
+            dependent = np.sort(pivots[:m]).astype(np.int64)
+        self.order[:] = [*dependent, *np.setdiff1d(np.arange(self.size), dependent)]
+        return dependent
+
+    def singular(self, t: float) -> SimulationFailed:
+        """Return the failure at a singular position."""
+        begin = f"the mechanism cannot go on at t = {t:.8g} s"
+        if self.of.drive.prescribes:
+            return LimitPosition(f"{begin}: the drive has come to a limit position")
+        return AdapterCannot(f"{begin}: its loops are singular")
+
+    def condition(self, t: float, y: FloatArray) -> float:
+        """Return the least singular value of rows by the largest."""
+        B, *_ = self.look(t, y[: self.size], y[self.size : 2 * self.size])
+        scaled = B * self.unit
+        values = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1)[:, None], compute_uv=False)
+        return float(values[-1] / values[0]) if len(B) else 1.0
+
+    @cached_property
+    def stops_s(self) -> FloatArray:
+        """The times after the start at which tables over time and ramps have kinks."""
+        law, clock = self.of.drive.law, self.of.drive.clock_s
+        tables: list[object] = [
+            each for load in self.of.loads for each in (load.force_by_time, load.torque_by_time)
+        ]
+        tables += [law.table] if isinstance(law, data.Course) else []
+        tables += [law.torque_N_m] if isinstance(law, data.Torque) else []
+        stops = [x for table in tables if isinstance(table, data.Table) for x in table.x]
+        stops += [law.duration_s] if isinstance(law, data.Ramp) else []
+        return np.unique(np.array(stops, float) - clock)
+
+    def _require_closed(self, q: FloatArray, v: FloatArray) -> None:
+        B, g, c, _ = self.look(0.0, q, v)
+        size_m, speed = max(1.0, self.lever_m), 1.0 + float(np.abs(v).max())
+        off = ("joints are open", "m", g, size_m), ("joints or driver are off", "m/s", B @ v - c, speed)
+        for what, unit, by, whole in off:
+            if not np.abs(by).max(initial=0.0) <= CLOSED * whole:
+                allowed = f"at t = 0 s, expected no more than {CLOSED * whole:.3g} {unit}"
+                raise ImpossibleStart(f"start: {what} by {np.abs(by).max():.3g} {unit} {allowed}")
 
 
 def _start_of(scene: AnyScene) -> tuple[FloatArray, FloatArray]:

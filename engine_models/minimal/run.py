@@ -342,11 +342,11 @@ class Run:
     def _touch(self, k: int) -> None:
         model, wall, told = self.model, self.model.contacts[k], self.model.contacts_told[k]
         speed = float(told[eq.RATE] * wall[eq.C] / (wall[eq.C] + self._depth(self.model.contacts_told, k)))
-        model.phases[k] = PUSHED, wall[eq.A] / max(speed, wall[eq.SLOWEST])
+        model.phases[k] = PUSHED, wall[eq.A] / max(speed, wall[eq.SLOWEST]), 0.0
         self._touches[k] = Touch(self.t, speed, self._sums(k))
 
     def _release(self, k: int) -> None:
-        self.model.phases[k] = FLIGHT, 0.0
+        self.model.phases[k] = 0.0
         touch = self._touches.pop(k)
         impulse, *lost = (self._sums(k) - touch.sums).tolist()
         times, force, depth = np.transpose(touch.trace) if touch.trace else np.full((3, 1), np.nan)

@@ -12,7 +12,6 @@ from engine_models.engines import make_engine
 from studies import baselines
 from studies.baselines import FLOORS, FOLDER, differences, measure_all, read
 from studies.failures import BadInput
-from tests.helpers.command import crankslider
 
 RUNS = {
     "loose": ("clearance-x", "step 1 s"),
@@ -58,13 +57,6 @@ def test_a_number_has_a_band_to_both_sides(
         )
 
 
-def test_a_run_without_a_baseline_and_a_baseline_without_its_run_are_told() -> None:
-    one, other = table(steps=10.0), table("loose", steps=20.0)
-    both = pd.concat([one, other])
-    assert "got 20 (baseline nan" in differences(both, one)[0]
-    assert "got nan (baseline 20" in differences(one, both)[0]
-
-
 def test_every_configuration_has_numbers() -> None:
     accepted = read(FOLDER)
     assert accepted[[*FLOORS]].drop(columns=["order", "peak_force_error_N"]).notna().all(axis=None)
@@ -94,10 +86,3 @@ def test_a_damaged_table_is_refused(tmp_path: Path) -> None:
         (tmp_path / baselines.FILE).write_text(text)
         with pytest.raises(BadInput, match=r"baselines: expected .*baselines\.csv, got"):
             read(tmp_path)
-
-
-@pytest.mark.parametrize("arguments", [["--accept"], ["--accept", "--why", " "], ["--why", "a reason"]])
-def test_acceptance_and_its_reason_belong_together(arguments: list[str]) -> None:
-    done = crankslider("baseline", *arguments)
-    assert (done.code, done.stdout) == (2, "")
-    assert done.stderr.startswith("error: why: expected a reason with accept, got ")

@@ -56,10 +56,6 @@ class MyEngine:
         position[1:, -1, 0] += self.off_m
         forces = {{joint: self.stronger * force for joint, force in run.joint_force_N.items()}}
         return replace(run, position=position, joint_force_N=forces)
-
-
-class Nothing:
-    """No engine."""
 '''
 NAME = "my_module:MyEngine"
 
@@ -186,29 +182,3 @@ def test_pytest_holds_it_to_the_claims_in_the_users_own_project(written: Path) -
     assert done.returncode == 1, done.stdout + done.stderr
     assert any("What the scene observes is where" in line for line in failed), done.stdout
     assert not any("ledger" in line for line in failed)
-
-
-@pytest.mark.usefixtures("written")
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (
-            f"conform {NAME} --baselines tables",
-            "baselines: expected tables/baselines.csv, got '[Errno 2] No",
-        ),
-        (
-            f"conform {NAME} --accept --why so",
-            "accept: expected a folder with baselines to write to, got",
-        ),
-        (f"conform {NAME} --baselines tables --accept", "why: expected a reason with accept, got none"),
-        ("conform my_module:Nothing", "expected the methods check, simulate, got no check"),
-        ("simulate ideal-free --engine my_module:Nobody", "expected a class that can be imported, got"),
-        ("conform no_module:MyEngine", "got 'No module named 'no_module''"),
-        ("simulate ideal-free --engine my_module:", "expected reference, exudyn, pymunk"),
-    ],
-)
-def test_what_is_no_engine_no_table_and_no_reason_is_refused_in_one_line(arguments: str, said: str) -> None:
-    done = crankslider(*arguments.split())
-    assert (done.code, done.stdout) == (2, "")
-    assert said in done.stderr
-    assert done.stderr.count("\n") == 1

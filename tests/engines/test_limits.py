@@ -1,28 +1,22 @@
 """Scenes at the edge of what is valid, and beyond: absurd, at rest, at one instant; refusals in Python."""
 
 import random
-from collections.abc import Callable
-from math import inf, nan
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from engine_models.engine import MOST_SAMPLES, RunSettings, SimulationFailed, UnsupportedScene
-from engine_models.engines import ENGINES, engine_class, engine_module, make_engine
+from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engines import ENGINES, make_engine
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.quality import quality_of
-from engine_models.pace import Pace, too_slow
 from engine_models.scene.data import SceneError
 from engine_models.scene.drives import TableDrive
-from engine_models.scene.file import from_toml, load
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene, Start
-from studies.judges.converged_truth import INDEPENDENT, converged, truth_by
+from studies.judges.converged_truth import converged
 from tests.engines.runs import run
-from tests.helpers.command import crankslider
 from tests.helpers.crank_sliders import HELD
 
 each = pytest.mark.parametrize("engine", ENGINES)
@@ -73,16 +67,6 @@ def test_an_absurd_scene_runs_or_fails_as_a_simulation(engine: str) -> None:
     assert {"ran", "SimulationFailed"} <= set(ends), f"too tame a selection: {ends}"
 
 
-def test_the_pace_is_that_of_the_steps_since_it_was_judged_last() -> None:
-    """At a thousand steps in all, ten may take no less than 10 ms of a second."""
-    pace = Pace(SCENES["ideal-free"]().replace("end_time_s", 1.0), outlasting=10, most_steps=1000)
-    pace.judge(0.5, 10)
-    pace.judge(0.5, 19)  # too few to be judged
-    pace.judge(0.511, 20)
-    with pytest.raises(SimulationFailed, match=r"steps of 0.0009 s at t = 0.52 s"):
-        pace.judge(0.52, 30)
-
-
 @each
 def test_a_crank_that_is_held_takes_the_loads_torque(engine: str) -> None:
     """Statics by hand: T = -F dx/dtheta, and the guide takes F tan(phi)."""
@@ -122,24 +106,6 @@ def test_a_gentle_touch_is_one_impact_however_short_the_step(
     assert found.approach_speed_m_s == pytest.approx([4.1101e-4], abs=5e-9)
     assert found.duration_s == pytest.approx([3.291e-4], abs=5e-8)
     assert found.normal_impulse_N_s == pytest.approx([1.0875e-4], abs=5e-9)
-
-
-def test_no_message_blames_a_number_whose_own_time_is_long() -> None:
-    """The gentle contact takes 0.3 ms: steps of 1e-14 s are none of its stiffness's doing."""
-    assert str(too_slow(gentle(), 1e-14, " at t = 1 s")) == (
-        "steps of 1e-14 s at t = 1 s do not come to an end: take a longer step, or a looser tolerance"
-    )
-    stiff = gentle().replace("clearance.B.young_modulus_Pa", 1e45)
-    assert str(too_slow(stiff, 1e-20)).startswith("clearance.B.young_modulus_Pa: expected a value that")
-
-
-@each
-def test_a_clearance_whose_stiffness_overflows_is_not_blamed_on_the_material(engine: str) -> None:
-    """By Hertz K goes with the clearance to the power -1/2: of 1e-320 m that is beyond all numbers."""
-    of = gentle().replace({"clearance.B.radial_clearance_m": 1e-320, "end_time_s": 0.01})
-    with pytest.raises(SimulationFailed) as failed:
-        make_engine(engine).simulate(of, RunSettings(1e-4, 10))
-    assert "young_modulus" not in str(failed.value)
 
 
 def both(law: dict[str, object]) -> Scene:
@@ -185,94 +151,7 @@ def test_two_pins_that_touch_at_one_instant_both_do() -> None:
             np.testing.assert_allclose(impacts.approach_speed_m_s, speeds, rtol=0, atol=100 * within)
 
 
-def test_a_mechanism_at_rest_with_clearance_has_an_independent_truth() -> None:
-    rest = {"gravity_m_s2": 0.0, "start.crank_speed_rad_s": 0.0, "end_time_s": 0.01}
-    of = SCENES["clearance-pendulum"]().replace(rest)
-    assert not np.any(converged(of, 10)[0].velocity)
-    assert truth_by(of, 10) == INDEPENDENT
-
-
 # Runs, engines and scenes that are asked for wrongly in Python are refused in the command line's words.
-
-LOOSE = SCENES["clearance-compressor"]()
-STEP, COUNT = (
-    "step_s: expected a finite number > 0",
-    f"samples: expected an integer >= 1 and <= {MOST_SAMPLES}",
-)
-NAMED = "engine: expected reference, exudyn, pymunk, scipy or my_module:MyEngine"
-END = "end_time_s: expected a finite number > 0 and >= 1e-100"
-
-
-def copied(**update: Any) -> Scene:
-    return LOOSE.model_copy(update=update)
-
-
-BAD: list[tuple[Callable[[], object], str]] = [
-    *((lambda step=step: RunSettings(step, 10), f"{STEP}, got {step!r}") for step in (-1e-5, 0.0, inf, nan)),
-    (lambda: RunSettings("1", 10), f'{STEP}, got "1"'),  # type: ignore[arg-type]
-    *((lambda n=n: RunSettings(1e-5, n), f"{COUNT}, got {n!r}") for n in (0, -1, 100_001, 2.0)),
-    (lambda: RunSettings(1e-5, True), f"{COUNT}, got true"),
-    (lambda: engine_class("adams"), f'{NAMED}, got "adams"'),
-    (lambda: engine_module(""), f'{NAMED}, got ""'),
-    (
-        lambda: make_engine("pymunk", iterations=-1),
-        "iterations: expected an integer > 0 and < 2147483648, got -1",
-    ),
-    (lambda: load(Path("/no such scene")), "No such file or directory"),
-    (lambda: from_toml("name = 'x'\nend_time_s = -1"), f"{END}, got -1"),
-    (lambda: copied(end_time_s=-1.0), f"{END}, got -1.0"),
-    (
-        lambda: copied(gravity_m_s2=nan),
-        "gravity_m_s2: expected a finite number >= 0 or a list of two, got nan",
-    ),
-    (lambda: copied(speed=1.0), "speed: expected the key name, end_time_s"),
-    (lambda: copied(rod=None), "rod: expected a section beside slider, got nothing"),
-    (lambda: copied(crank=5), "crank: expected a section, got 5"),
-    (lambda: copied(drive=LOOSE.start), 'drive.kind: expected "constant-speed", "fluctuating", "free"'),
-    (
-        lambda: LOOSE.crank.model_copy(update={"mass_kg": 0.0}),
-        "mass_kg: expected a finite number > 0, got 0.0",
-    ),
-    (
-        lambda: LOOSE.clearance.model_copy(update={"B": {"law": "hertz"}}),
-        "B.radial_clearance_m: expected a finite number > 0, got nothing",
-    ),
-    (
-        lambda: LOOSE.clearances["B"].model_copy(update={"law": "hertz"}),
-        "restitution: expected nothing with law = 'hertz', got 0.9",
-    ),
-]
-
-
-@pytest.mark.parametrize(("call", "words"), BAD, ids=[words for _, words in BAD])
-def test_what_is_asked_for_wrongly_is_refused_in_one_line(call: Callable[[], object], words: str) -> None:
-    with pytest.raises(ValueError) as refusal:  # noqa: PT011  the words are compared
-        call()
-    line = str(refusal.value)
-    assert words in line
-    assert "\n" not in line
-    assert "pydantic" not in line
-
-
-def test_a_copy_is_refused_in_the_words_of_the_file_and_of_the_command(tmp_path: Path) -> None:
-    with pytest.raises(SceneError) as copy:
-        copied(end_time_s=-1.0)
-    file = tmp_path / "mine.toml"
-    file.write_text(LOOSE.to_toml().replace("end_time_s = 0.08", "end_time_s = -1.0"))
-    with pytest.raises(SceneError) as read:
-        load(file)
-    assert str(read.value) == f"{file}: line 2: {copy.value}"
-    assert crankslider("simulate", file).stderr == f"error: {read.value}\n"
-
-
-def test_what_is_valid_is_taken() -> None:
-    assert RunSettings(1, 1).step_used_s(0.5) == 0.5
-    assert RunSettings(np.float64(1e-5), MOST_SAMPLES).samples == MOST_SAMPLES
-    assert make_engine("pymunk", iterations=5) == engine_class("pymunk")(iterations=5)
-    copy = copied(end_time_s=0.1, start={"crank_angle_rad": 1.0, "crank_speed_rad_s": 2.0})
-    assert (copy.end_time_s, copy.start) == (0.1, Start(crank_angle_rad=1.0, crank_speed_rad_s=2.0))
-    assert copy.model_copy(update={"end_time_s": 0.08, "start": LOOSE.start}) == LOOSE
-    assert LOOSE.model_copy() == LOOSE == LOOSE.model_copy(deep=True)
 
 
 def test_a_scene_by_a_table_can_be_begun_within_it() -> None:

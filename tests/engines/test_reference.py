@@ -171,7 +171,6 @@ class Case(NamedTuple):
 
 #: A spline whose last two values are equal ends at rest there, and is not-a-knot at its other end.
 OF_FORCE, OF_TORQUE = spline(TIMES, FORCES), spline(TIMES, TORQUES, ("not-a-knot", (1, 0.0)))
-OF_SPEED = spline(SPEEDS, BY_SPEED)
 OF_GAS = spline(QUARTERS, GAS, "periodic")
 LINES: dict[str, object] = {"interpolation": "linear"}
 #: SciPy's steps go over kinks by angle and speed, and errors there grow by some hundred times to the end; the
@@ -181,21 +180,17 @@ STEPPED_OVER = 2e-7
 LATE: dict[str, object] = {"start.time_s": 0.05}
 
 
-def on_slider(t: float, angle: float, speed: float, at: Path) -> float:
-    """Return what all forces along the guide do, gas over two turns among them."""
+def by_loads(t: float, angle: float, speed: float, at: Path) -> float:
+    """Return what all loads do, gas over two turns and a spring from joint O to the slider among them."""
     way, rate = at.place[2].real, at.first[2].real
     gas = OF_GAS(0.2 + (angle - 0.2) % PERIOD)
-    return (1.5 - 2.0 * rate * speed - 60.0 * (way - 0.13) + OF_FORCE(t) + gas) * rate
-
-
-def on_links(t: float, _angle: float, speed: float, at: Path) -> float:
-    """Return what loads on crank and rod do, and a spring with a damper between joint O and the slider."""
+    along = 1.5 - 2.0 * rate * speed - 60.0 * (way - 0.13) + OF_FORCE(t) + gas
     force = 2.0 * cmath.exp(1j * (1.1 - ALPHA))
     rod = 0.05 * at.turn[1] - 1e-3 * at.turn[1] ** 2 * speed + (force.conjugate() * at.first[1]).real
     length = abs(at.place[2])
     stretch = (at.place[2].conjugate() * at.first[2]).real / length
     sprung = -(400.0 * (length - 0.1) + 3.0 * stretch * speed) * stretch
-    return rod + OF_TORQUE(t) - 2e-3 * speed + sprung
+    return along * rate + rod + OF_TORQUE(t) - 2e-3 * speed + sprung
 
 
 def by_lines(t: float, _angle: float, _speed: float, at: Path) -> float:
@@ -203,14 +198,10 @@ def by_lines(t: float, _angle: float, _speed: float, at: Path) -> float:
     return lines(TIMES, TORQUES)(t) + lines(TIMES, FORCES)(t) * at.first[2].real
 
 
-def by_motor(curve: Callable[[float], float], gas: Callable[[float], float] | None = None) -> Extra:
-    """Return a motor's torque, with end values beyond its table, and a gas force's."""
-
-    def extra(_t: float, angle: float, speed: float, at: Path) -> float:
-        force = 0.0 if gas is None else gas(0.2 + (angle - 0.2) % PERIOD) * at.first[2].real
-        return curve(min(max(speed, SPEEDS[0]), SPEEDS[-1])) + force
-
-    return extra
+def by_motor(_t: float, angle: float, speed: float, at: Path) -> float:
+    """Return what a motor, with end values beyond its table, and gas do, both by straight lines."""
+    force = lines(QUARTERS, GAS)(0.2 + (angle - 0.2) % PERIOD) * at.first[2].real
+    return lines(SPEEDS, BY_SPEED)(speed) + force
 
 
 LOADS = {"force_N": 1.5, "viscous_N_s_m": 2.0, "spring_N_m": 60.0, "free_position_m": 0.13}
@@ -223,17 +214,16 @@ SPRING = {"stiffness_N_m": 400.0, "free_length_m": 0.1, "damping_N_s_m": 3.0}
 GASES = {"crank_angle_rad": QUARTERS, "force_N": GAS}
 FORCE_BY_TIME = {"time_s": TIMES, "force_N": FORCES}
 CASES = {
-    "loads on the slider, gas over two turns": Case(
-        {"load.slider": {**LOADS, "by_time": FORCE_BY_TIME, "gas": GASES}, **LATE}, on_slider, bound=1e-8
-    ),
-    "loads on crank and rod, a spring": Case(
+    "loads": Case(
         {
+            "load.slider": {**LOADS, "by_time": FORCE_BY_TIME, "gas": GASES},
             "load.rod": OF_ROD,
             "load.crank": {"viscous_N_m_s": 2e-3, "by_time": BY_TIME},
             "spring.S": {"between": ["ground.O", "slider.B"], **SPRING},
             **LATE,
         },
-        on_links,
+        by_loads,
+        bound=1e-8,
     ),
     "torque and force by lines over time": Case(
         {
@@ -244,10 +234,9 @@ CASES = {
         by_lines,
         TIMES,
     ),
-    "motor": Case({"drive": {"kind": "motor", **BY_SPEEDS}}, by_motor(OF_SPEED), bound=STEPPED_OVER),
     "motor and gas by lines": Case(
         {"drive": {"kind": "motor", **BY_SPEEDS, **LINES}, "load.slider.gas": {**GASES, **LINES}},
-        by_motor(lines(SPEEDS, BY_SPEED), lines(QUARTERS, GAS)),
+        by_motor,
         bound=STEPPED_OVER,
     ),
 }
@@ -262,75 +251,10 @@ def test_what_is_new_does_what_its_equation_says(name: str) -> None:
     assert np.abs(run.position[:, 0, 2] - expected).max() < case.bound
     without = turned(of, no_more, run.time_s)
     assert np.abs(without - expected).max() > 1e-2, "there is something to see"
-    if name == "motor":
+    if name.startswith("motor"):
         speed = run.velocity[:, 0, 2]
         assert speed.min() < SPEEDS[0], "it turns more slowly than its table begins"
         assert speed.max() > SPEEDS[-1], "and faster than it ends"
-
-
-class Way(NamedTuple):
-    """A drive of the slider, its speed at the start, and its way, speed and acceleration by time."""
-
-    drive: Mapping[str, object]
-    speed: float
-    way: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-    clock: float = 0.0
-
-
-def ramp(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    x, past = np.clip((t + 0.05) / 0.2, 0, 1), np.maximum(t + 0.05 - 0.2, 0)
-    gone = 0.1 * (t + 0.05) - 0.25 * (0.2 * (2.5 * x**4 - 3 * x**5 + x**6) + past)
-    x0 = 0.25
-    begun = 0.1 * 0.05 - 0.25 * 0.2 * (2.5 * x0**4 - 3 * x0**5 + x0**6)
-    speed = 0.1 - 0.25 * x**3 * (10 - 15 * x + 6 * x**2)
-    return gone - begun, speed, -0.25 / 0.2 * 30 * (x * (1 - x)) ** 2
-
-
-PLACES = (1.0, 1.01, 0.99, 1.005, 1.02)
-COURSE = CubicSpline(TIMES, PLACES)
-
-
-def course(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    at = t + 0.05
-    return COURSE(at) - COURSE(0.05), COURSE(at, 1), COURSE(at, 2)
-
-
-WAYS = {
-    "ramp": Way({"kind": "ramp", "final_speed_m_s": -0.15, "ramp_time_s": 0.2}, 0.1, ramp, 0.05),
-    "table": Way(
-        {"kind": "table", "time_s": TIMES, "position_m": PLACES}, float(COURSE(0.05, 1)), course, 0.05
-    ),
-}
-
-
-@pytest.mark.parametrize("name", WAYS)
-def test_a_driven_slider_takes_its_bodies_along_and_its_driver_has_newton_s_force(name: str) -> None:
-    own = WAYS[name]
-    of = base(
-        {
-            "drive": {**own.drive, "guide": "guide"},
-            "start": {"crank_angle_rad": 1.5, "speed_m_s": {"guide": own.speed}, "time_s": own.clock},
-        }
-    )
-    run = ran(of)
-    begin = path(of, 1.5 - ALPHA).place[2].real
-    gone, speed, acceleration = own.way(run.time_s)
-    s, (r, length) = begin + gone, (0.05, 0.12)
-    assert np.abs(observed(of, run)[0] - s).max() < 1e-12
-    assert np.abs(observed(of, run)[1] - speed).max() < 1e-11
-    # Pin A is r from joint O, and a rod's length from pin B, which is s along the guide and OFFSET off it.
-    reach = np.hypot(s, OFFSET)
-    angles = np.arctan2(OFFSET, s) + np.arccos((reach**2 + r**2 - length**2) / (2 * reach * r))
-    assert np.abs(run.position[:, 0, 2] - ALPHA - angles).max() < 1e-11
-    forces = []
-    for angle, rate, change in zip(angles.tolist(), speed, acceleration, strict=True):
-        at = path(of, angle)
-        inertia, half, weight = balance(of, at)
-        turn = rate / at.first[2].real
-        gain = (change - at.second[2].real * turn**2) / at.first[2].real
-        forces.append((inertia * gain + half * turn**2 - weight) / at.first[2].real)
-    assert run.driver_torque_N_m is not None
-    assert np.abs(run.driver_torque_N_m - forces).max() < 1e-9 * np.abs(forces).max()
 
 
 @pytest.mark.parametrize("name", ["clearance-driven-0.5mm", "clearance-free-0.5mm"])

@@ -3,12 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    Body,
-    Mechanism,
-    RevoluteJoint,
-)
+from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, RevoluteJoint
 
 FloatArray = NDArray[np.float64]
 

@@ -2,21 +2,14 @@
 
 import numpy as np
 
-from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.assembly import start_state
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Link, Scene, Start
-from studies.judges.converged_truth import TRUE
 
 
 def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     q, v = start_state(scene)
     return q.ravel(), v.ravel()
-
-
-def in_minimal_coordinates(scene: Scene, samples: int = 30) -> Trajectory:
-    """Return the independent solution of a scene."""
-    return TRUE.simulate(scene, RunSettings(scene.end_time_s, samples))
 
 
 #: A crank that is held while a load pushes the slider.

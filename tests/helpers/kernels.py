@@ -10,13 +10,7 @@ from engine_models.mechanics.assembly import assembled
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.equations import Baumgarte
-from reference_solver.kernel import Topology
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    Mechanism,
-    SameAngle,
-    Slot,
-)
+from reference_solver.mechanism.mechanism import GROUND, Mechanism, SameAngle, Slot
 from reference_solver.mechanism.mechanism import Point as Place
 from reference_solver.solver import Stabilisation
 
@@ -48,8 +42,3 @@ def scene_case(name: str) -> Start:
 
 
 CASES: dict[str, Callable[[], Start]] = {name: partial(scene_case, name) for name in IDEAL_SCENES}
-
-
-def topology_of(mechanism: Mechanism, stabilisation: Stabilisation) -> Topology:
-    baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
-    return Topology(mechanism, baumgarte, stabilisation == "projection")

@@ -1,7 +1,6 @@
 """Runs of the study of mischief in a process of their own, to be killed and looked at."""
 
 import os
-import shutil
 import subprocess
 import sys
 import time
@@ -10,8 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from studies.case import CODE as FOLDERS
-from studies.case import ROOT, Case, Row, provenance
+from studies.case import Case, Row, provenance
 from studies.runner import Workers, run_cases
 from studies.store import FILE, Store
 from tests.helpers.mischief import NAME
@@ -21,37 +19,22 @@ CODE = (
     f"from studies import registry; registry.STUDIES = {{'{NAME}': '{NAME}'}};"
     "from crankslider.command import main; main()"
 )
-#: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it; or is not.
+#: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it.
 HEAR = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-IGNORE = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN);"
 
 
 @contextmanager
-def started(
-    out: Path, first: str = HEAR, cwd: Path | None = None, **environment: str
-) -> Iterator["subprocess.Popen[str]"]:
-    """Start a run of the study into ``out`` with a statement before all others; it ends here at last."""
-    command = [sys.executable, "-c", first + CODE, "run", "--full", "--jobs", "4", "--out", str(out)]
+def started(out: Path, **environment: str) -> Iterator["subprocess.Popen[str]"]:
+    """Start a run of the study into ``out``; it ends here at last."""
+    command = [sys.executable, "-c", HEAR + CODE, "run", "--full", "--jobs", "4", "--out", str(out)]
     environment = {**os.environ, **environment}
     with subprocess.Popen(
-        command, cwd=cwd, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as run:
         try:
             yield run
         finally:
             run.kill()
-
-
-def copied(folder: Path) -> Path:
-    """Copy the code that decides numbers and the tests' into a folder, to be edited and run there."""
-    for package in (*FOLDERS, "reports", "crankslider", "tests"):
-        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
-    return folder
-
-
-def add_line(file: Path, line: str) -> None:
-    """Append a line to a file."""
-    file.write_text(file.read_text(encoding="utf-8") + line + "\n", encoding="utf-8")
 
 
 def until(true: Callable[[], bool]) -> None:

@@ -15,13 +15,7 @@ from scipy.integrate import solve_ivp
 from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
 from reference_solver.guard import MOVED
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    Body,
-    Mechanism,
-    PrescribedSpeed,
-    RevoluteJoint,
-)
+from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, PrescribedSpeed, RevoluteJoint
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice
 from tests.helpers.kernels import straight_guide
 

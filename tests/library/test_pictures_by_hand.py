@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 from matplotlib.patches import Circle
 from matplotlib.quiver import Quiver
-from matplotlib.text import Annotation, Text
 
 from reports.plots.picture import Picture
 from reports.results import FloatArray
@@ -77,15 +76,6 @@ def test_every_panel_over_time_has_its_own_numbers_under_their_names() -> None:
     assert picture.axes[-1].get_xlabel() == "time [s]"
 
 
-def test_a_mark_stands_in_the_panel_of_forces_and_is_named_on_its_free_side() -> None:
-    for time_s, side in ((0.25, "left"), (0.75, "right")):
-        picture = time_plot(FRAME, "scene", "quality", (time_s, 90.0, "largest"))
-        assert [points(picture, k).get("_mark") for k in range(4)] == [None, None, ([time_s], [90.0]), None]
-        (name,) = (text for text in picture.axes[2].texts if isinstance(text, Annotation))
-        assert (name.get_text(), name.xy, name.get_horizontalalignment()) == ("largest", (time_s, 90.0), side)
-        assert picture.axes[2].get_ylim()[1] > 90.0
-
-
 def at(x: float, y: float) -> FloatArray:
     """Return one place at all three times, (3, 2)."""
     return np.array([[x, y]] * 3)
@@ -122,11 +112,6 @@ def stage() -> Stage:
     return stage
 
 
-def test_a_film_tells_the_time_of_its_picture(stage: Stage) -> None:
-    stage.show(2)
-    assert stage.clock.get_text() == "t = 1.000000 s"
-
-
 def test_the_scale_of_arrows_is_told_and_holds(stage: Stage) -> None:
     """Of twelve forces, four each of 50, 10, 13 and 20 to 22 N, those up to 50 N are 0.6 of a crank long."""
     (title,) = (each.get_title().get_text() for each in stage.picture.legends)
@@ -148,8 +133,3 @@ def test_a_bearing_is_larger_than_its_pin_by_the_clearance_as_it_is_drawn(stage:
     pin = next(disc for disc in discs if disc.get_fill() and disc.center[0] == pytest.approx(160.0))
     assert bearing.get_radius() - pin.get_radius() == pytest.approx(20 * 0.5)
     assert np.subtract(pin.center, bearing.center) == pytest.approx([20 * 0.2, 20 * -0.4])
-
-
-def test_a_film_says_how_much_too_large_its_clearance_is(stage: Stage) -> None:
-    texts = [text.get_text() for text in stage.picture.findobj(Text) if isinstance(text, Text)]
-    assert "scene, clearance drawn 20 times as large" in texts

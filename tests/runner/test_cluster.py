@@ -6,13 +6,10 @@ import sys
 from collections.abc import Iterator
 from importlib import reload
 from pathlib import Path
-from typing import Any
 
-import pandas as pd
 import pytest
 from distributed import Client, LocalCluster
 
-import crankslider as cs
 from engine_models.engines import ENGINES
 from studies import case as case_module
 from studies import cluster
@@ -103,13 +100,3 @@ def test_what_is_no_scheduler_is_refused(client: Client, monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "distributed", None)
     done = crankslider("run", "--scheduler", "tcp://127.0.0.1:1")
     require_refusal(done.stdout, done.stderr, done.code, "the package distributed", "crankslider[cluster]")
-
-
-def test_a_cluster_gives_the_rows_of_a_sweep_that_processes_give(local: LocalCluster, tmp_path: Path) -> None:
-    def swept(name: str, **how: Any) -> pd.DataFrame:
-        vary = {"clearance.B.radial_clearance_m": "1e-5:1e-3:log:8"}
-        out = tmp_path / f"{name}.parquet"
-        return cs.sweep("clearance-driven-0.5mm", vary, "pymunk", out=out, revolutions=0.02, **how).frame
-
-    there, here = swept("cluster", scheduler=local.scheduler_address), swept("here", jobs=2)
-    pd.testing.assert_frame_equal(there, here, check_exact=True)

@@ -11,7 +11,7 @@ import pytest
 from studies.case import Case, run_case
 from studies.failures import Failed
 from studies.store import Store
-from studies.workers import SAFE_PATH, Ended, Pool, _starting
+from studies.workers import SAFE_PATH, Ended, Pool
 from tests.helpers.mischief import NAME, case
 from tests.helpers.running import run_in
 
@@ -131,15 +131,3 @@ def test_no_process_takes_a_file_in_the_users_folder_for_a_module_of_pythons(tmp
     with Store(tmp_path / "results") as store:
         rows, _ = store.results("accuracy")
     assert {(row["engine"], row["status"]) for row in rows} == {("my_module:Mine", "ok")}
-
-
-@pytest.mark.parametrize("before", [None, "", "1"])
-def test_what_the_user_has_set_is_as_it_was_when_processes_have_begun(
-    before: str | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv(SAFE_PATH, before or "")
-    if before is None:
-        monkeypatch.delenv(SAFE_PATH)
-    with _starting():
-        assert os.environ[SAFE_PATH] == "1"
-    assert os.environ.get(SAFE_PATH) == before

@@ -13,12 +13,7 @@ from engine_models.scene.library import RIGID_SCENES
 from engine_models.scene.parts import AnyScene
 from reference_solver.failures import InconsistentStart
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    Body,
-    ClearanceJoint,
-    Mechanism,
-)
+from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism
 from reference_solver.rigid.bouncing import LOG_ROWS
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice, solve

@@ -1,19 +1,14 @@
 """The cost study's rounds: each times every rung, in an order of its own that comes out again."""
 
-from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from engine_models import arms
 from engine_models.engine import BareRun
-from engine_models.engines import make_engine
 from studies import cost
-from studies.accuracy import case_of
 from studies.case import Row, run_case
-from studies.settings import ladder, scenes
 
 
 def test_every_round_times_the_same_rungs_in_an_order_of_its_own() -> None:
@@ -110,19 +105,3 @@ def test_a_timed_run_that_ends_elsewhere_has_failed_and_says_when(
         what = f"off by {off_m:.3g} m from the recorded run's" if np.isfinite(off_m) else "not finite"
         assert (row["status"], row["exception"]) == ("failed", "SimulationFailed")
         assert row["reason"] == f"the timed run's end at t = {timed.scene.end_time_s:.6g} s is {what}"
-
-
-@pytest.mark.parametrize("safety", [0.9, 0.8])
-def test_a_timed_run_of_exudyn_that_overflows_has_failed(safety: float) -> None:
-    """DOPRI5 at 1e-7, by Exudyn's own safety factor and by the one that is the default here.
-
-    Exudyn reports success, with coordinates that are not finite.
-    """
-    scene = next(scene for scene in scenes(False) if scene.name == "clearance-free-0.5mm")
-    added = {"step_tolerance": 1e-7, "step_safety": safety}
-    rung = next(r for r in ladder(scene, False) if r.arm is arms.DOPRI5)
-    case = case_of("cost", scene, replace(rung, added=added), 1, timed=True)
-    bare = make_engine("exudyn", **case.settings).bare_run(scene, case.run)
-    row, _ = run_case(case)
-    assert np.isfinite(bare.position).all() == (row["status"] == "ok") == (safety == 0.8)
-    assert row["status"] == "ok" or "non-finite state at t = 0.0" in str(row["reason"])

@@ -1,7 +1,5 @@
 """The gallery of extremes: its theory, its verdicts, and what the reference makes of it."""
 
-import pickle
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -20,7 +18,6 @@ from studies.extremes import changed
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 CASES = {(case.scene.name, case.engine, case.arm.name): case for case in extremes.cases(full=True)}
-QUICK = extremes.cases(full=False)
 RIGHT: Row = {"relative_error": 1e-4, "unaccounted_energy_part": 1e-4, "constraint_relative": 1e-6}
 #: A crank with clearance at B.
 LOOSE = "everyday c = 0.1 mm"
@@ -57,18 +54,6 @@ def test_the_gallery_has_sixty_cases_each_with_a_sentence_of_theory() -> None:
     for name in ("step at the limit", "step beyond the limit"):
         steps = {case.run.step_s for case in CASES.values() if case.scene.name == name}
         assert steps == {gallery[name].step_s}, "it is the same for all"
-
-
-def test_every_extreme_case_meets_every_engine_and_the_quick_set_has_some_of_each_group() -> None:
-    assert len(CASES) == len(extremes.gallery()) * len(extremes.ARMS)
-    assert len(QUICK) == 22 * (len(extremes.ARMS) - 1)
-    quick = Counter(extreme.group for extreme in extremes.gallery().values() if extreme.quick)
-    assert {*quick} == {extreme.group for extreme in extremes.gallery().values()} - {
-        "friction",
-        "joints",
-        "length",
-    }
-    assert all(pickle.loads(pickle.dumps(case)) == case for case in QUICK)
 
 
 def test_a_scene_is_its_base_with_fields_set_unset_and_made_that_nothing_checks() -> None:
@@ -113,16 +98,6 @@ def test_next_to_no_clearance_is_judged_as_an_ideal_joint_and_by_no_force() -> N
     assert errors["slider_position_m"] < extremes.RIGHT["relative_error"]
 
 
-def test_a_truth_that_ends_before_its_scene_judges_what_comes_before() -> None:
-    scene = ideal_driven()
-    truth = exact(scene, 100)
-    position = truth.position.copy()
-    position[60:, 2, 0] += 1.0
-    early = scene.model_copy(update={"end_time_s": scene.end_time_s / 2})
-    errors = extremes.relative_errors(scene, early, replace(truth, position=position))
-    assert max(errors.values()) < 1e-9
-
-
 # Verdicts
 
 
@@ -131,16 +106,12 @@ def test_a_truth_that_ends_before_its_scene_judges_what_comes_before() -> None:
     [
         ({}, Verdict.RIGHT),
         ({"relative_error": 2e-3}, Verdict.INACCURATE),
-        ({"relative_error": 5e-3}, Verdict.INACCURATE),
         ({"relative_error": 5e-2}, Verdict.WRONG),
-        ({"unaccounted_energy_part": 2e-2}, Verdict.INACCURATE),
         ({"unaccounted_energy_part": 0.2}, Verdict.WRONG),
         ({"constraint_relative": 0.02}, Verdict.WRONG),
         ({"relative_error": None}, Verdict.WRONG),
-        ({"unaccounted_energy_part": None}, Verdict.WRONG),
         ({"wanted": "refusal"}, Verdict.WRONG),
         ({"unaccounted_energy_part": 0.2, "quality_failure": "energy off at t = 0.1 s"}, Verdict.NOTICED),
-        ({"relative_error": None, "quality_failure": "energy off at t = 0.1 s"}, Verdict.NOTICED),
         ({"quality_failure": ""}, Verdict.RIGHT),
         ({"status": "unsupported", "reason": "no"}, Verdict.REFUSED),
         ({"status": "failed", "reason": "overflow at t = 1.2e-05 s"}, Verdict.FAILED),
@@ -167,12 +138,9 @@ def test_the_verdict_follows_from_status_numbers_and_bounds(
         ("answer or word", {"status": "failed", "reason": "at t = 0.003 s"}, True),
         ("answer or word", {"relative_error": 0.1}, False),
         ("answer or word", {"quality_failure": "energy off at t = 0.1 s"}, True),
-        ("answer", {"quality_failure": "energy off at t = 0.1 s"}, False),
         ("refusal", {"quality_failure": "energy off at t = 0.1 s"}, True),
         ("stop", {"quality_failure": "energy off at t = 0.003 s"}, True),
         ("refusal", {"status": "unsupported"}, True),
-        ("answer or word", {"status": "unsupported"}, True),
-        ("answer", {"status": "unsupported"}, False),
         ("stop", {"status": "failed", "reason": "rank 8 at t = 0.003 s"}, True),
         ("stop", {"status": "failed", "reason": "rank 8 at t = 0.009 s"}, False),
         ("stop", {}, True),
@@ -229,10 +197,3 @@ def test_where_the_reference_fails_it_says_when_and_why(name: str, arm: str, pie
     assert judged(measured)["verdict"] is Verdict.FAILED
     for piece in pieces:
         assert piece in str(measured["reason"])
-
-
-@pytest.mark.parametrize("name", ["rod inertia 0", "L = r, start in the fold", "L = 0.8 r, driven"])
-def test_what_is_no_scene_no_engine_gets_to_see(name: str) -> None:
-    reasons = {str(row(name, engine)["reason"]) for engine, arm in (("reference", ""), ("exudyn", ""))}
-    assert len(reasons) == 1
-    assert reasons.pop().startswith("no such scene: rod.")

@@ -12,7 +12,6 @@ from engine_models.engines import make_engine
 from engine_models.scene.library import ideal_driven
 from studies import accuracy, energy
 from studies.case import Case
-from studies.settings import ladder
 
 
 def test_of_all_joints_impacts_are_counted_together_and_the_worst_error_counts() -> None:
@@ -62,11 +61,3 @@ def test_an_energy_row_has_what_the_run_gained_with_its_signs() -> None:
     removed = float(motion.stabilisation_loss_J[-1])
     assert removed > 1e-5
     assert row["stabilisation_power_W"] == pytest.approx(-removed / 0.024)
-
-
-def test_a_ladder_has_every_arm_of_pymunk_and_all_tolerances_of_a_rung() -> None:
-    rungs = ladder(ideal_driven(), full=True)
-    assert {rung.arm.name for rung in rungs if rung.arm.engine == "pymunk"} == {"tuned", "out of the box"}
-    for rung in rungs:
-        assert set(rung.added) >= set(rung.arm.tolerances), rung
-        assert len({rung.added[name] for name in rung.arm.tolerances}) <= 1, rung

@@ -71,7 +71,8 @@ def test_friction_opposes_sliding_in_both_codes_and_is_no_more_than_coulombs(
     of = {"law": kind, "coefficient": coefficient, "regularisation_speed_m_s": 0.01, **dead}
     room = clearance("hertz", stiffness=1e8).model_copy(update={"friction": Friction.model_validate(of)})
     force = friction_force(law_numbers(room), normal, sliding)
-    row, most = np.array([*[0.0] * 6, *wall_of(clearance_data(room))]), coefficient * max(normal, 0.0)
+    row = np.array([*[0.0] * 6, *wall_of(clearance_data(room), damping_of)])
+    most = coefficient * max(normal, 0.0)
     true = -most * friction_share(row, sliding)
     assert force == pytest.approx(true, rel=1e-12, abs=1e-13 * most)
     assert force * sliding <= 0

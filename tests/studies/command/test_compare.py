@@ -6,15 +6,9 @@ from html import unescape
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import crankslider as cs
-from engine_models.arms import BAUMGARTE
-from engine_models.engine import RunSettings
-from engine_models.scene.library import SCENES
-from reports.run.command import command
-from studies.case import Case
 from studies.store import Store
 from tests.helpers.command import Finished, crankslider
 from tests.studies.truth.closed_forms.crank_slider import exact
@@ -94,10 +88,3 @@ def test_other_mechanisms_are_compared_by_what_they_observe(tmp_path: Path) -> N
     page = (tmp_path / "index.html").read_text("utf-8")
     assert "B x error so far [m]" in page
     assert "slider position" not in page
-
-
-def test_the_command_of_a_setting_has_its_engine_its_step_and_what_it_sets() -> None:
-    scene = SCENES["ideal-free"]().replace("end_time_s", 0.01)
-    case = Case("comparison", scene, BAUMGARTE, RunSettings(2.5e-5, 10))
-    typed = "crankslider simulate mine.toml --engine reference --set stabilisation=baumgarte --step 2.5e-05"
-    assert command(pd.Series(case.head()), "mine.toml") == typed

@@ -10,7 +10,6 @@ from engine_models.engines import ENGINES
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
 from tests.helpers.command import crankslider
-from tests.helpers.engines import supporting
 
 #: Through set R's first impacts at steps of three degrees, past which a hundredth of the clearance is lost.
 SCENE = SCENES["clearance-driven-0.5mm"]().replace("end_time_s", 0.036)
@@ -30,11 +29,6 @@ def test_a_slider_that_shorter_steps_move_is_in_doubt_from_a_time_on() -> None:
     [
         ({}, []),
         ({"step_tolerance": 1e-6}, ["step_tolerance changes nothing with method = rk4"]),
-        ({"method": "dop853", "step_tolerance": 1e-6}, []),
-        (
-            {"method": "dop853", "steps_per_contact": 50.0},
-            ["steps_per_contact changes nothing with method = dop853"],
-        ),
         ({"baumgarte_alpha_s": 50.0}, ["baumgarte_alpha_s changes nothing with stabilisation = projection"]),
         (BAUMGARTE | {"baumgarte_alpha_s": 50.0}, []),
     ],
@@ -67,29 +61,3 @@ def test_a_step_too_long_for_pymunk_says_so() -> None:
     assert (done.code, done.stdout) == (1, "")
     assert done.stderr.startswith("error: energy off by 5")
     assert done.stderr.endswith("with step 0.005 s: shorten the step, or sharpen the tolerance\n")
-
-
-@pytest.mark.parametrize(("engine", "step"), [("pymunk", 1e-3), ("exudyn", 2e-3)])
-@pytest.mark.parametrize("quiet", [(), ("--quiet",)], ids=["aloud", "quiet"])
-def test_a_doubtful_run_is_written_with_a_warning(engine: str, step: float, quiet: tuple[str, ...]) -> None:
-    done = crankslider("simulate", "ideal-free", "--engine", engine, "--step", step, "--out", "-", *quiet)
-    assert (done.code, len(done.stdout.splitlines())) == (0, 202)
-    warning, *notes = done.stderr.splitlines()
-    assert warning.startswith("warning: energy off by ")
-    assert ", past 1 % at t = 0.0" in warning
-    assert (notes == []) == bool(quiet)
-    assert all(note.startswith("note: ") for note in notes)
-
-
-@pytest.mark.parametrize(
-    ("scene", "engine"),
-    [
-        (name, own)
-        for name in ("ideal-driven", "clearance-driven-0.1mm")
-        for own in supporting(SCENES[name]())
-    ],
-)
-def test_a_sound_run_is_written_without_a_warning(scene: str, engine: str) -> None:
-    done = crankslider("simulate", scene, "--engine", engine, "--end", 0.003)
-    assert (done.code, done.stderr[:6]) == (0, "note: ")
-    assert "warning" not in done.stderr

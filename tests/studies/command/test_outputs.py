@@ -1,13 +1,10 @@
 """What ``simulate`` writes: tables by the ending of their names, a figure, a film, and what made them."""
 
 import json
-import os
 from pathlib import Path
-from unittest.mock import patch
 
 import pandas as pd
 import pytest
-from matplotlib.animation import FFMpegWriter
 from pyarrow import parquet
 
 from engine_models.scene.file import from_toml
@@ -91,17 +88,6 @@ def test_an_output_file_is_replaced_and_a_device_is_not(tmp_path: Path) -> None:
     assert Path("/dev/null").is_char_device()
 
 
-def test_a_failed_run_says_when_and_leaves_an_existing_file_alone(tmp_path: Path) -> None:
-    out = tmp_path / "out.csv"
-    out.write_text("before")
-    coarse = ("--engine", "pymunk", "--set", "iterations=1", "--step", 0.01)
-    done = crankslider("simulate", "ideal-free", *coarse, "--out", out)
-    assert (done.code, done.stdout, done.stderr.count("\n")) == (1, "", 1)
-    assert done.stderr.startswith("error: ")
-    assert "at t = " in done.stderr
-    assert [file.read_text() for file in tmp_path.iterdir()] == ["before"]
-
-
 def test_the_scene_is_not_overwritten_by_its_own_output(tmp_path: Path) -> None:
     file = tmp_path / "mine"
     file.write_text(before := crankslider("show", "ideal-free").stdout)
@@ -118,57 +104,4 @@ def test_a_full_disk_is_told_of_the_file_that_it_struck(option: str, tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write and read everything")
-def test_permissions_are_respected(tmp_path: Path) -> None:
-    file = tmp_path / "out.csv"
-    file.write_text("before")
-    file.chmod(0o444)
-    done = crankslider(*IDEAL, "--out", file)
-    require_refusal(done.stdout, done.stderr, done.code, "out: expected", "Permission denied")
-    assert file.read_text() == "before"
-    file.chmod(0)
-    done = crankslider("show", file)
-    require_refusal(done.stdout, done.stderr, done.code, "out.csv: expected a file", "Permission denied")
-
-
-def test_without_ffmpeg_mp4_is_refused_before_the_run(tmp_path: Path) -> None:
-    with patch.object(FFMpegWriter, "isAvailable", return_value=False):
-        done = crankslider("simulate", "ideal-free", "--end", 1e5, "--animate", tmp_path / "film.mp4")
-    expected = "animate: expected a file that ends in .html or .gif where ffmpeg is not installed"
-    require_refusal(done.stdout, done.stderr, done.code, expected)
-
-
 # Changed fields, and what is said
-
-
-@pytest.mark.parametrize(
-    ("changes", "line"),
-    [
-        (["clearance.B.radial_clearance_m=1e-4"], "radial_clearance_m = 0.0001"),
-        (["clearance.B.law=flores"], 'law = "flores"'),
-        (['clearance.B.law="flores"'], 'law = "flores"'),
-        (['drive={kind = "torque", torque_N_m = 2}'], "torque_N_m = 2.0"),
-        (
-            ["clearance.B.radial_clearance_m=0.015", "clearance.B.bearing_radius_m=0.02"],
-            "radial_clearance_m = 0.015",
-        ),
-    ],
-)
-def test_fields_may_have_other_values_than_in_the_scene(
-    changes: list[str], line: str, tmp_path: Path
-) -> None:
-    out = tmp_path / "a.json"
-    assert (
-        crankslider(*LOOSE, *(word for change in changes for word in ("--with", change)), "--out", out).code
-        == 0
-    )
-    assert f"\n{line}\n" in json.loads(out.read_text())["made_by"]["scene"]
-
-
-def test_every_run_tells_its_quality_unless_it_is_quiet() -> None:
-    loud, quiet = crankslider(*LOOSE), crankslider(*LOOSE, "--quiet", "--out", "-")
-    assert (quiet.code, quiet.stdout, quiet.stderr) == (0, loud.stdout, "")
-    said = loud.stderr.splitlines()[0]
-    assert said.startswith("note: quality: energy off by ")
-    assert " % of that in play, ideal joints or guide open by " in said
-    assert said.endswith(" % of the bearing's radius")

@@ -15,8 +15,6 @@ from tests.helpers.running import HEAR
 COMMAND = Path(sys.executable).with_name("crankslider")
 MAIN = "from crankslider.command import main; main()"
 IDEAL = "simulate ideal-free --end 0.0005 --samples 2"
-LOOSE = "clearance-free-0.5mm --end 0.0005 --samples 2"
-SWEEP = "sweep clearance-driven-0.5mm --vary crank.mass_kg=0.1,0.2 --revolutions 0.01"
 
 
 def in_shell(words: str, folder: Path, **variables: str) -> tuple[int, str, str]:
@@ -94,32 +92,6 @@ def test_an_interrupted_run_leaves_an_existing_file_alone(engine: str, tmp_path:
     assert list(tmp_path.iterdir()) == [out]
 
 
-#: A command that Ctrl-C strikes in the function by which LLVM hands its machine code over.
-COMPILED = """
-import signal
-from llvmlite.binding.executionengine import ExecutionEngine
-from crankslider import command as main
-
-find = ExecutionEngine._find_module_ptr
-
-def struck(*arguments):
-    signal.raise_signal(signal.SIGINT)
-    return find(*arguments)
-
-ExecutionEngine._find_module_ptr = struck
-main.main()
-"""
-
-
-def test_an_interrupt_that_strikes_in_the_compiler_is_said_in_one_line_and_never_lost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("CRANKSLIDER_CACHE", str(tmp_path))
-    command = [sys.executable, "-c", HEAR + COMPILED, "simulate", "ideal-free"]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert (run.returncode, run.stdout, run.stderr) == (130, "", "error: interrupted\n")
-
-
 # What a command loads before it begins: what it does not need would be most of a short run's time
 
 #: Runs each command, or import, of a text in lines, and prints what is loaded behind it.
@@ -161,9 +133,3 @@ def test_a_run_loads_no_compiler_and_no_slow_part_of_scipy(tmp_path: Path) -> No
     assert "numba" in by_rk4
     assert not by_rk4 & {"pandas", "matplotlib", "rich.progress", "scipy.integrate", "scipy.optimize"}
     assert not by_dop853 & (SLOW - {"scipy.linalg"})  # which Numba's loader asks for
-
-
-def test_what_runs_members_loads_nothing_of_scipy_but_a_table() -> None:
-    (loaded,) = loaded_behind("import studies.sweep")
-    assert "studies.sweep" in loaded
-    assert not loaded & (SLOW - {"scipy.linalg"})

@@ -4,7 +4,6 @@ import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -19,18 +18,6 @@ from tests.helpers.command import crankslider, table_of
 PUBLISHED = Path(__file__).parents[3] / "reports/published/truth"
 
 
-def test_another_method_in_other_coordinates_is_within_the_bound() -> None:
-    scene = "clearance-free-0.5mm"
-    known = cs.truth(scene, end=0.03, samples=60)
-    other = cs.simulate(
-        scene, "scipy", end=0.03, samples=60, step=1e-3, settings={"rtol": 1e-13, "atol": 1e-15}
-    )
-    off = (known.frame["slider_position_m"] - other.frame["slider_position_m"]).abs().max()
-    assert off <= 10 * known.certain_m, f"{off:.1e} m; the other method errs, too"
-    assert 1e-17 < known.certain_m < 1e-9
-    assert known.impacts["time_s"].to_numpy() == pytest.approx(other.impacts["time_s"].to_numpy(), rel=1e-9)
-
-
 def test_a_table_ends_where_two_solutions_part_and_has_no_impact_past_it(tmp_path: Path) -> None:
     files = "--out", tmp_path / "t.csv", "--impacts", tmp_path / "i.csv"
     told = crankslider("truth", "clearance-driven-0.5mm", "--end", 0.06, "--samples", 120, *files)
@@ -43,22 +30,6 @@ def test_a_table_ends_where_two_solutions_part_and_has_no_impact_past_it(tmp_pat
     assert "by independent equations" in told.stderr
 
 
-@pytest.mark.parametrize(
-    ("name", "changes"),
-    [
-        ("ideal-driven", {"end_time_s": 0.004}),
-        ("clearance-pendulum", {"gravity_m_s2": 0.0, "start.crank_speed_rad_s": 0.0, "end_time_s": 0.01}),
-    ],
-    ids=["moving", "at rest"],
-)
-def test_nothing_is_certain_beyond_the_last_digit_of_its_size(name: str, changes: dict[str, float]) -> None:
-    scene = cs.scenes[name].replace(changes)
-    known = cs.truth(scene, samples=4)
-    moving = "slider_position_m" in known.frame
-    size = known.frame["slider_position_m"].max() if moving else 0.1
-    assert known.certain_m >= np.spacing(size)
-
-
 def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
     for name in ("ideal-driven", "clearance-pendulum"):
         short = (name, "--end", 0.004, "--samples", 4, "--quiet", "--out", "-")
@@ -69,12 +40,6 @@ def test_the_columns_are_those_of_simulate(tmp_path: Path) -> None:
     made_by = json.loads((tmp_path / "t.json").read_text())["made_by"]
     assert (made_by["engine"], made_by["settings"], made_by["by"]) == ("truth", {}, "independent equations")
     assert 0 < made_by["certain_m"] < 1e-9
-
-
-def test_a_motion_that_nobody_can_follow_has_no_truth(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("crankslider.reference_solutions.followed", lambda *_: 0)
-    with pytest.raises(cs.Failed, match="no reference solution was found: two solutions diverge before"):
-        cs.truth("ideal-driven", end=0.004, samples=4)
 
 
 def test_what_is_published_is_what_is_solved_here(tmp_path: Path) -> None:

@@ -1,51 +1,28 @@
 """What is planted in a run is seen in the right columns, though equal samples miss every impact."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import cast
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from engine_models.engine import Engine, RunSettings, Trajectory
-from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene
+from engine_models.scene.parts import AnyScene
 from studies.accuracy import impacts_of
 from studies.case import Row
 from studies.judges.comparison import compared, judged
+from tests.helpers.altered import Altered
 from tests.helpers.arrays import joint_forces
 
 #: Four impacts, and the samples of the accuracy study.
 SCENE = SCENES["clearance-free-0.5mm"]().model_copy(update={"end_time_s": 0.012})
 ASKED = RunSettings(SCENE.end_time_s, 24)
-EXACT = make_engine("reference", method="dop853", step_tolerance=1e-12)
+EXACT = Altered(lambda run: run, sharp=True)
 STRONGER = 1.02
 
 
-@dataclass(frozen=True)
-class Wrong:
-    """The sharp reference, with something planted in its runs."""
-
-    plant: Callable[[Scene, RunSettings], Trajectory]
-    order: None = None
-
-    def twin(self, scene: Scene) -> Scene:
-        return scene
-
-    def check(self, scene: Scene) -> None:
-        EXACT.check(scene)
-
-    def sharper(self) -> "Wrong":
-        return self
-
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        return self.plant(scene, settings)
-
-
-def stronger(scene: Scene, settings: RunSettings) -> Trajectory:
+def stronger(run: Trajectory) -> Trajectory:
     """Forces in contacts, and there alone, are 2 % too large."""
-    run = EXACT.simulate(scene, settings)
     contact = run.contacts["B"]
     factor = np.where(contact.penetration_m > 0, STRONGER, 1.0)
     impacts = replace(
@@ -56,8 +33,15 @@ def stronger(scene: Scene, settings: RunSettings) -> Trajectory:
     return replace(run, joint_force_N=forces, contacts={"B": wrong})
 
 
-def row_of(plant: Callable[[Scene, RunSettings], Trajectory]) -> Row:
-    found = judged(cast(Engine, Wrong(plant)), SCENE, ASKED)
+class Deaf(Altered):
+    """It leaves out the times that it is asked for beside its samples."""
+
+    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+        return super().simulate(scene, replace(settings, at_s=()))
+
+
+def row_of(engine: Engine) -> Row:
+    found = judged(engine, SCENE, ASKED)
     row, _ = compared(found)
     return row | impacts_of(found)
 
@@ -68,7 +52,7 @@ def number(row: Row, column: str) -> float:
 
 @pytest.fixture(scope="module")
 def right() -> Row:
-    return row_of(EXACT.simulate)
+    return row_of(EXACT)
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +73,7 @@ def test_a_sharp_run_is_right_in_every_column(right: Row, strongest_N: float) ->
 def test_a_force_that_is_wrong_in_contacts_alone_is_seen_in_forces_alone(
     right: Row, strongest_N: float
 ) -> None:
-    row, off_N = row_of(stronger), (STRONGER - 1) * strongest_N
+    row, off_N = row_of(Altered(stronger, sharp=True)), (STRONGER - 1) * strongest_N
     for column in ("joint_B_force_error_N", "contact_B_normal_force_error_N"):
         assert number(row, column) == pytest.approx(off_N, rel=2e-3), column
     for column in ("impact_force_error_N", "largest_contact_force_error_N"):
@@ -103,12 +87,14 @@ def test_a_force_that_is_wrong_in_contacts_alone_is_seen_in_forces_alone(
         "impact_duration_relative_error",
     )
     assert {name: row[name] for name in same} == {name: right[name] for name in same}
-    run, true = (simulate(SCENE, ASKED) for simulate in (stronger, EXACT.simulate))
-    assert np.abs(joint_forces(run) - joint_forces(true)).max() < 1.0, "equal samples do not see it"
+    true = EXACT.simulate(SCENE, ASKED)
+    assert np.abs(joint_forces(stronger(true)) - joint_forces(true)).max() < 1.0, (
+        "equal samples do not see it"
+    )
 
 
 def test_an_engine_that_leaves_times_out_is_not_judged_by_forces_that_it_does_not_show() -> None:
-    row = row_of(lambda scene, settings: EXACT.simulate(scene, replace(settings, at_s=())))
+    row = row_of(Deaf(lambda run: run, sharp=True))
     assert "joint_B_force_error_N" not in row
     assert "contact_B_normal_force_error_N" not in row
     assert "contact_B_normal_force_N" in str(row["not_judged"])

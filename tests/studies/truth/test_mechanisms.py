@@ -14,11 +14,7 @@ from studies.judges.columns import sample_columns
 from studies.judges.converged_truth import TRUE
 from studies.judges.metrics import energy_balance_residual_J
 from studies.judges.run_cache import Solver
-from tests.engines.mechanism_texts import (
-    ENDS,
-    TEXTS,
-    scene,
-)
+from tests.engines.mechanism_texts import ENDS, TEXTS, scene
 from tests.engines.runs import run as run_of
 
 #: Twice to ten times what is measured, with round-off of the integration that the ends come from.

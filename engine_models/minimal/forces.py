@@ -1,0 +1,267 @@
+"""Forces and reactions in any states of a mechanism, from what loads, springs, drives and contacts do.
+
+For the engines that have them not themselves. Whoever has a compiled loop of its own hands ``Forces.p`` to it
+and calls ``equations.engage`` for each contact and then ``equations.forces``, for one state at a time. All
+else goes by samples (n,): ``Forces.act`` gives generalised forces, parts of loads and their powers, and
+contacts by their law or with forces that are given; ``Forces.reactions`` gives the forces of joints, guides
+and drive from motion alone. By Newton's second law B^T lambda = M a - F, of which lambda is the solution by
+least squares in the norm of M^-1: B M^-1 B^T lambda = B (a - M^-1 F).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from engine_models.engine import Contact, FloatArray, Trajectory
+from engine_models.mechanics.states import pin_gap
+from engine_models.minimal import equations as eq
+from engine_models.minimal.model import Numbers
+from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
+from reference_solver.mechanism import data
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
+
+#: Parts of loads whose works follow from the positions: those of the others are integrals over time.
+EXACT = ("force", "spring", "torque")
+#: Singular values below this part of the largest are zero, where rows depend on each other.
+ZERO = 1e-15
+
+
+@dataclass(frozen=True)
+class ContactStates:
+    """A joint with clearance in n states; shapes and signs as in ``engine.Contact``.
+
+    ``rate_m_s`` (n,) is that of the penetration; the losses (n,) are in W.
+    """
+
+    gap_m: FloatArray
+    penetration_m: FloatArray
+    normal_force_N: FloatArray
+    friction_force_N: FloatArray
+    rate_m_s: FloatArray
+    normal_loss_W: FloatArray
+    clipped_loss_W: FloatArray
+    friction_loss_W: FloatArray
+
+    @property
+    def force_N(self) -> FloatArray:
+        """The force on the pin, (n, 2)."""
+        return force_on_pin(self)
+
+
+@dataclass(frozen=True)
+class Acting:
+    """What acts in n states: ``on_bodies`` (n, bodies, 3) has all forces and torques but reactions.
+
+    ``parts`` has the force or torque of each part of the loads, (n,), as "BODY.viscous" or "spring:NAME", a
+    spring's positive where it pushes, and of a drive that prescribes no motion as "driver". ``powers_W``
+    has those whose works are integrals over time, by the names of ``Trajectory.load_work_J``.
+    """
+
+    on_bodies: FloatArray
+    parts: dict[str, FloatArray]
+    powers_W: dict[str, FloatArray]
+    contacts: dict[str, ContactStates]
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """Forces of joints (n, 2), of guides (n,), their moments (n,), and the drive's torque or force (n,).
+
+    Names and signs are those of ``engine.Trajectory``.
+    """
+
+    joint_force_N: dict[str, FloatArray]
+    guide_force_N: dict[str, FloatArray]
+    guide_moment_N_m: dict[str, FloatArray]
+    driver_torque_N_m: FloatArray | None
+
+
+def force_on_pin(contact: Contact | ContactStates) -> FloatArray:
+    """Return the force of a bearing on its pin, (n, 2) in N."""
+    distance = np.maximum(np.hypot(*contact.gap_m.T), np.finfo(float).tiny)
+    x, y = contact.gap_m.T / distance
+    force = -contact.normal_force_N * np.array([x, y])
+    if contact.friction_force_N is not None:
+        force += contact.friction_force_N * np.array([-y, x])
+    return np.asarray(force.T)
+
+
+class Forces(Numbers):
+    """The forces on the bodies of a scene's mechanism, and its reactions, in any states."""
+
+    def __init__(self, scene: AnyScene) -> None:
+        super().__init__(scene.mechanism, np.zeros(3 * len(scene.mechanism.bodies)), _damping_of)
+        self._short = "slider." if isinstance(scene, Scene) else ""
+        bodies = self._block(eq.BODIES)
+        #: Mass, mass and inertia of every body, (bodies, 3).
+        self.masses = bodies[:, [0, 0, 1]]
+
+    @cached_property
+    def integrated(self) -> tuple[str, ...]:
+        """The works that are integrals over time, as in ``Trajectory.load_work_J``, and "driver"."""
+        undamped = {f"spring:{spring.name}" for spring in self.of.springs if not spring.damping_N_s_m}
+        law, exact = self.of.drive.law, {f"{name}.{part}" for name in self.of.names for part in EXACT}
+        if isinstance(law, data.Torque) and not isinstance(law.torque_N_m, data.Table):
+            exact.add("driver")
+        names = [name.removeprefix(self._short) for name in self.parts if name not in exact | undamped]
+        return (*names, "driver") if self.of.drive.prescribes else (*names,)
+
+    def motion(self, time_s: FloatArray) -> FloatArray:
+        """Return how far what is driven has gone since t = 0, its speed and its acceleration, (3, n)."""
+        motion = np.empty((len(time_s), 3))
+        eq.drive(self.p, time_s, motion)
+        return np.asarray(motion.T)
+
+    def act(
+        self,
+        time_s: FloatArray,
+        position: FloatArray,
+        velocity: FloatArray,
+        contacts: Mapping[str, Contact | ContactStates] | None = None,
+        approach_m_s: Mapping[str, FloatArray] | None = None,
+    ) -> Acting:
+        """Return what acts at times (n,) in states (n, bodies, 3).
+
+        Joints with clearance do what is told in ``contacts``, or what their law does with a latest touch at
+        the speeds ``approach_m_s`` (n,); those in neither do nothing.
+        """
+        n, loose, bodies = len(time_s), self.of.loose, len(self.of.bodies)
+        phases = np.zeros((n, len(loose), 3))
+        for k, pin in enumerate(loose):
+            if contacts and pin.name in contacts:
+                of_pin = contacts[pin.name]
+                rub = 0.0 if of_pin.friction_force_N is None else of_pin.friction_force_N
+                phases[:, k] = np.stack(
+                    np.broadcast_arrays(float(eq.GIVEN), of_pin.normal_force_N, rub), axis=-1
+                )
+            elif approach_m_s and pin.name in approach_m_s:
+                wall = self.contacts[k]
+                phases[:, k, 0] = eq.PUSHED
+                phases[:, k, 1] = wall[eq.A] / np.maximum(approach_m_s[pin.name], wall[eq.SLOWEST])
+        F = np.empty((n, 3 * bodies))
+        told, powers = np.empty((n, len(self.told))), np.empty((n, len(self.sums) + 1))
+        eq.act(self.p, time_s, _flat(position), _flat(velocity), phases, F, told, powers)
+        at, place = eq.OF_CONTACT * len(loose), eq.OF_SUMS * len(loose)
+        states = {
+            pin.name: self._contact(
+                k, pin, position, told[:, eq.OF_CONTACT * k :], powers[:, eq.OF_SUMS * k :]
+            )
+            for k, pin in enumerate(loose)
+        }
+        parts = {name: told[:, at + k] for k, name in enumerate(self.parts)}
+        named = {name.removeprefix(self._short): powers[:, place + k] for k, name in enumerate(self.parts)}
+        return Acting(
+            F.reshape(n, bodies, 3),
+            parts,
+            {name: named[name] for name in self.integrated if name in named},
+            states,
+        )
+
+    def total(self, run: Trajectory) -> FloatArray:
+        """Return forces and torques on the bodies in a run, reactions among them, (n, bodies, 3)."""
+        acting = self.act(run.time_s, run.position, run.velocity, run.contacts).on_bodies
+        rows = [run.joint_force_N[pin.name] for pin in self.of.ideal]
+        for guide in self.of.guides:
+            rows.append(run.guide_force_N[guide.name][:, None])
+            if not guide.turns:
+                moment = run.guide_moment_N_m.get(guide.name, np.zeros(len(acting)))
+                rows.append(moment[:, None])
+        if self.of.drive.prescribes:
+            assert run.driver_torque_N_m is not None
+            rows.append(run.driver_torque_N_m[:, None])
+        multipliers = np.concatenate([np.zeros((len(acting), 0)), *rows], axis=1)
+        by_rows = np.einsum("nm,nmk->nk", multipliers, self.unit_reactions(run.position))
+        return np.asarray(acting + by_rows.reshape(acting.shape))
+
+    def unit_reactions(self, position: FloatArray) -> FloatArray:
+        """Return B (n, m, 3b): what the unit of each reaction puts on the bodies in positions (n, bodies, 3).
+
+        They are two of each ideal joint, one across each guide, followed by its moment where it has one, and
+        that of a drive that prescribes a motion.
+        """
+        B = np.empty((len(position), self.rows, self.size))
+        eq.react(self.p, _flat(position), B)
+        return B
+
+    def reactions(
+        self,
+        time_s: FloatArray,
+        position: FloatArray,
+        velocity: FloatArray,
+        acceleration: FloatArray,
+        contacts: Mapping[str, Contact | ContactStates],
+    ) -> Reactions:
+        """Return all reactions at times (n,) in states (n, bodies, 3) with such accelerations.
+
+        ``contacts`` has what the joints with clearance do then.
+        """
+        acting = self.act(time_s, position, velocity, contacts)
+        B, masses = self.unit_reactions(position), self.masses.ravel()
+        missing = _flat(acceleration) - _flat(acting.on_bodies) / masses
+        multipliers = solve_systems(B / masses @ B.swapaxes(1, 2), B @ missing[..., None])
+        return self.named(multipliers, contacts, acting.parts.get("driver"))
+
+    def named(
+        self,
+        multipliers: FloatArray,
+        contacts: Mapping[str, Contact | ContactStates],
+        torque: FloatArray | None,
+    ) -> Reactions:
+        """Return multipliers (n, m) in the order of ``unit_reactions`` by name, beside what contacts do.
+
+        ``torque`` (n,) is that of a drive that prescribes no motion.
+        """
+        rows, of, forces = iter(multipliers.T), self.of, dict[str, FloatArray]()
+        for pin in of.ideal:
+            forces[pin.name] = np.stack([next(rows), next(rows)], axis=-1)
+        for pin in of.loose:
+            force = force_on_pin(contacts[pin.name])
+            forces[pin.name] = -force if pin.bearing_on_j else force
+        across, moments = dict[str, FloatArray](), dict[str, FloatArray]()
+        for guide in of.guides:
+            across[guide.name] = next(rows)
+            if not guide.turns:
+                moments[guide.name] = next(rows)
+        ordered = {pin.name: forces[pin.name] for pin in of.pins}
+        return Reactions(ordered, across, moments, next(rows) if of.drive.prescribes else torque)
+
+    def _contact(
+        self, k: int, pin: data.Pin, position: FloatArray, told: FloatArray, powers: FloatArray
+    ) -> ContactStates:
+        gap, c = pin_gap(pin, position, np.zeros_like(position)).gap_m, self.contacts[k, eq.C]
+        distance = np.hypot(*gap.T)
+        return ContactStates(
+            gap,
+            distance - c,
+            told[:, eq.NORMAL],
+            told[:, eq.FRICTION],
+            told[:, eq.RATE] * c / np.maximum(distance, np.finfo(float).tiny),
+            *powers[:, 1:4].T,
+        )
+
+
+def _damping_of(law: str, e: float) -> float:
+    """Return the factor a of a law; a law that somebody adds is known to the reference alone."""
+    return DAMPING_FACTORS[law](e) if law in DAMPING_FACTORS else 0.0
+
+
+def _flat(states: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(states.reshape(len(states), -1), dtype=np.float64)
+
+
+def solve_systems(
+    matrix: FloatArray, right: FloatArray, singular: bool = False, zero: float = ZERO
+) -> FloatArray:
+    """Return the solutions (n, m) of n systems, of ``singular`` ones the shortest.
+
+    Singular values are 0 below the part ``zero`` of the largest.
+    """
+    if not singular:
+        try:
+            return np.asarray(np.linalg.solve(matrix, right)[..., 0])
+        except np.linalg.LinAlgError:
+            pass
+    return np.asarray((np.linalg.pinv(matrix, zero, hermitian=True) @ right)[..., 0])
