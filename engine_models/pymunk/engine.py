@@ -5,8 +5,7 @@ loads and by the impulses of joints and contacts, all at the new positions. The 
 position errors back. So after step k the positions x_k are those of t_k = k dt, and the kick was made at x_k.
 """
 
-from types import SimpleNamespace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -25,11 +24,11 @@ from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import checked_start, unwound
 from engine_models.memory import require_memory
-from engine_models.minimal.forces import Forces
 from engine_models.minimal.run import trajectory_of
+from engine_models.pymunk.loop import Loop
 from engine_models.pymunk.model import build
 from engine_models.pymunk.native_contact import rigid_twin
-from engine_models.pymunk.run import Run, require_the_mechanism
+from engine_models.pymunk.record import Record, require_the_mechanism
 from engine_models.scene.parts import AnyScene
 from reference_solver.mechanism.data import ConstantSpeed
 
@@ -121,8 +120,8 @@ class PymunkEngine(CompiledEngine):
 
         So is a scene without the steps asked for.
         """
-        of = self.twin(scene).mechanism
-        build(of, np.zeros((len(of.bodies), 3)), rotors=False)
+        twin = self.twin(scene)
+        build(twin, np.zeros((len(twin.mechanism.bodies), 3)), all_joints=not self.half_kick_start)
 
     def twin(self, scene: T) -> T:
         """Return the scene itself, or with ``contact`` = "rigid" the same one with rigid laws throughout.
@@ -155,22 +154,12 @@ class PymunkEngine(CompiledEngine):
         require_memory(scene, settings)
         twin = self.twin(scene)
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
-            run = self._run(twin, settings, records=True)
-            model: Any = run.forces
-            model.scene, model.turns_rad = twin, 0.0
-            done: Any = SimpleNamespace(
-                model=model,
-                states=run.rows_y,
-                told=run.rows_told,
-                times_s=run.times_s,
-                steps=run.steps,
-                impacts=run.impacts,
-            )
-            trajectory = trajectory_of(done, run.solve_time_s)
-            require_the_mechanism(
-                twin, run.model.groove_m, trajectory.position, trajectory.position[:1], trajectory.time_s
-            )
-            return unwound(scene, require_finite(trajectory))
+            loop = self._loop(twin, settings)
+            record = Record(twin, loop)
+            loop.run(record.every_step, record.take)
+            run = trajectory_of(record, loop.solve_time_s)
+            require_the_mechanism(twin, loop.model.groove_m, run.position, run.position[:1], run.time_s)
+            return unwound(scene, require_finite(run))
 
     def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
         """Return the same steps, of which works and forces need nothing.
@@ -180,37 +169,24 @@ class PymunkEngine(CompiledEngine):
         """
         twin = self.twin(scene)
         with np.errstate(all="ignore"):
-            run = self._run(twin, settings, records=False)
-            position = run.end()
-            require_the_mechanism(
-                twin, run.model.groove_m, position[None], run.start[None], np.array([twin.end_time_s])
-            )
-            return BareRun(run.solve_time_s, position)
+            loop = self._loop(twin, settings)
+            start = loop.positions()
+            loop.run()
+            end, end_s = loop.positions(), np.array([twin.end_time_s])
+            require_the_mechanism(twin, loop.model.groove_m, end[None], start[None], end_s)
+            return BareRun(loop.solve_time_s, end, loop.engine_time_s)
 
-    def _run(self, scene: AnyScene, settings: RunSettings, records: bool) -> Run:
+    def _loop(self, scene: AnyScene, settings: RunSettings) -> Loop:
         require_followed(scene, settings.step_used_s(scene.end_time_s))
         start, velocity = checked_start(scene)
-        forces = Forces(scene)
-        model = build(scene.mechanism, start, rotors=bool(forces.parts) and self.half_kick_start)
+        model = build(scene, start, all_joints=not self.half_kick_start)
         space = model.space
         space.gravity, space.iterations = scene.mechanism.gravity_m_s2, self.iterations
         space.collision_bias, space.collision_slop = self.collision_bias, self.collision_slop_m
         space.collision_persistence = self.collision_persistence
         for joint in space.constraints:
             joint.error_bias = self.error_bias
-        run = Run(
-            scene,
-            settings,
-            model,
-            forces,
-            self.half_kick_start,
-            self.shorter_in_contact,
-            records,
-            start,
-            velocity,
-        )
-        run.run()
-        return run
+        return Loop(scene, settings, model, velocity, self.half_kick_start, self.shorter_in_contact)
 
 
 def needs_one_step(scene: AnyScene) -> list[str]:

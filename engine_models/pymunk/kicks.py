@@ -25,11 +25,11 @@ AHEAD = 2.0
 AT_ONCE = 8.0
 #: Room for rounding where a time is divided into steps, as a part of one.
 ROUNDING = 1e-6
-#: What ``look_ahead`` returns: nothing acts but what the space knows; loads do; a pin touches; and from here
-#: on the number of a pin that is through its wall.
-NOTHING, LOADS, TOUCHING, THROUGH = range(4)
-#: What ``react`` is given: the accelerations, or nothing; or nothing, of a mechanism whose joints see no
-#: curvature of their paths yet.
+#: What ``look_ahead`` returns: nothing but loads and the space's gravity acts; weights are to act for
+#: another time than the step; a pin touches; and from here on the number of a pin that is through its wall.
+NOTHING, LONGER, TOUCHING, THROUGH = range(4)
+#: What ``account`` goes by: the change of velocities; the state; or the state, of a mechanism whose joints see
+#: no curvature of their paths yet.
 KNOWN, CURVED, STRAIGHT = range(3)
 
 
@@ -68,17 +68,17 @@ def look_ahead(
     """
     contacts, phases, b = eq.block(p, eq.CONTACTS), eq.block(p, eq.PHASES), len(rows)
     h, q, v, F = plan[STEP], np.empty(3 * b), np.empty(3 * b), np.empty(3 * b)
-    on = h / (2.0 * plan[LAST_KICK]) if plan[LAST_KICK] > 0.0 else 0.0
+    arms, touching, near = np.empty((b, 2)), False, False
     for n in range(b):
         for k in range(3):
-            now = state[rows[n], 3 + k]
-            q[3 * n + k] = state[rows[n], k] + h * now
-            v[3 * n + k] = now + on * (now - before[n, k])
-            before[n, k] = now
-        ax, ay = to_centre(q, n, origin)
-        q[3 * n], q[3 * n + 1] = q[3 * n] - ax, q[3 * n + 1] - ay
-        v[3 * n], v[3 * n + 1] = v[3 * n] + v[3 * n + 2] * ay, v[3 * n + 1] - v[3 * n + 2] * ax
-    touching, near = False, False
+            v[3 * n + k] = state[rows[n], 3 + k]
+            q[3 * n + k] = state[rows[n], k] + h * v[3 * n + k]
+        arms[n] = to_centre(q, n, origin)
+        q[3 * n], q[3 * n + 1] = q[3 * n] - arms[n, 0], q[3 * n + 1] - arms[n, 1]
+        v[3 * n], v[3 * n + 1] = (
+            v[3 * n] + v[3 * n + 2] * arms[n, 1],
+            v[3 * n + 1] - v[3 * n + 2] * arms[n, 0],
+        )
     for k in range(len(contacts)):
         e = contacts[k]
         _, _, _, _, dx, dy, _, _ = eq.apart(q, v, e)
@@ -87,6 +87,15 @@ def look_ahead(
         eq.engage(e, phases[k], q, v)
         touching |= phases[k, 0] != FLIGHT
         near |= touches_within(e, q, v, AHEAD * plan[IN_FLIGHT])
+    on = h / (2.0 * plan[LAST_KICK]) if plan[LAST_KICK] > 0.0 and not touching else 0.0
+    for n in range(b):
+        gain = np.empty(3)
+        for k in range(3):
+            gain[k] = on * (state[rows[n], 3 + k] - before[n, k])
+            before[n, k] = state[rows[n], 3 + k]
+        v[3 * n] += gain[0] + gain[2] * arms[n, 1]
+        v[3 * n + 1] += gain[1] - gain[2] * arms[n, 0]
+        v[3 * n + 2] += gain[2]
     plan[NEXT] = plan[IN_FLIGHT]
     if plan[IN_CONTACT] < plan[IN_FLIGHT]:
         longest = max(plan[IN_CONTACT], h / AT_ONCE) if near else plan[IN_FLIGHT]
@@ -97,89 +106,11 @@ def look_ahead(
     share = plan[KICK] / h if abs(plan[NEXT] - h) > ROUNDING * h else 1.0
     eq.forces(p, plan[TIME], q, v, F, told, powers)
     for n in range(b):
-        ax, ay = to_centre(q, n, origin)
+        ax, ay = arms[n]
         fx, fy, row = F[3 * n], F[3 * n + 1], rows[n]
         loads[row, 0], loads[row, 1] = share * fx - lift[n, 0], share * fy - lift[n, 1]
         loads[row, 2] = share * (F[3 * n + 2] - ax * fy + ay * fx)
-    if touching:
-        return TOUCHING
-    return LOADS if len(eq.block(p, eq.PARTS)) > 0 or share != 1.0 else NOTHING
-
-
-@jit
-def find_reactions(
-    p: FloatArray,
-    t: float,
-    given: int,
-    q: FloatArray,
-    v: FloatArray,
-    a: FloatArray,
-    told: FloatArray,
-    powers: FloatArray,
-    multipliers: FloatArray,
-    matrix: FloatArray,
-    right: FloatArray,
-) -> None:
-    """Do as ``react``."""
-    contacts, phases, bodies = eq.block(p, eq.CONTACTS), eq.block(p, eq.PHASES), eq.block(p, eq.BODIES)
-    size, m, laws = len(q), len(right), phases.copy()
-    F, g, c, gamma = np.empty(size), np.empty(m), np.empty(m), np.empty(m)
-    B, by_mass, swaps = np.empty((m, size)), np.empty((m, size)), np.empty(m, np.int64)
-    for k in range(len(contacts)):
-        of_contact = told[eq.OF_CONTACT * k : eq.OF_CONTACT * (k + 1)]
-        if given == KNOWN and (phases[k, 0] == PUSHED or of_contact[eq.NORMAL] != 0.0):
-            phases[k, 0], phases[k, 1], phases[k, 2] = GIVEN, of_contact[eq.NORMAL], of_contact[eq.FRICTION]
-    driver = eq.forces(p, t, q, v, F, told, powers)
-    phases[:] = laws
-    eq.fill_rows(p, t, q, v, g, B, c, gamma)
-    is_driven = eq.block(p, eq.SCALARS)[0, eq.MOTION] >= 0.0
-    for i in range(m):
-        right[i] = gamma[i] if given == CURVED or (is_driven and i == m - 1) else 0.0
-        if given == KNOWN:
-            right[i] = 0.0
-        for r in range(size):
-            by_mass[i, r] = B[i, r] / bodies[r // 3, 1 if r % 3 == 2 else 0]
-            right[i] -= by_mass[i, r] * F[r]
-            if given == KNOWN:
-                right[i] += B[i, r] * a[r]
-    for i in range(m):
-        multipliers[i] = right[i]
-        for j in range(m):
-            matrix[i, j] = 0.0
-            for r in range(size):
-                matrix[i, j] += by_mass[i, r] * B[j, r]
-    factors = matrix.copy()
-    eq.factor(factors, swaps)
-    eq.solve(factors, swaps, multipliers)
-    if given != KNOWN:
-        for r in range(size):
-            a[r] = F[r] / bodies[r // 3, 1 if r % 3 == 2 else 0]
-            for i in range(m):
-                a[r] += by_mass[i, r] * multipliers[i]
-    if is_driven:
-        powers[driver] = multipliers[m - 1] * c[m - 1]
-
-
-@entry
-def react(
-    p: FloatArray,
-    t: float,
-    given: int,
-    q: FloatArray,
-    v: FloatArray,
-    a: FloatArray,
-    told: FloatArray,
-    powers: FloatArray,
-    multipliers: FloatArray,
-    matrix: FloatArray,
-    right: FloatArray,
-) -> None:
-    """Fill the multipliers (m,) of all rows in a state, and the powers; and the accelerations if not given.
-
-    They solve B M^-1 B^T lambda = B (a - M^-1 F), of which matrix and right side are left. Contacts in
-    ``told`` do what is told of them.
-    """
-    find_reactions(p, t, given, q, v, a, told, powers, multipliers, matrix, right)
+    return TOUCHING if touching else LONGER if share != 1.0 else NOTHING
 
 
 @entry
@@ -200,17 +131,52 @@ def account(
     matrix: FloatArray,
     right: FloatArray,
 ) -> None:
-    """Fill the places, the mean velocities and the accelerations of a kick, and do as ``react``."""
-    kick_s = plan[KICK]
+    """Fill places, mean velocities and accelerations (3b,) of a kick, the multipliers (m,), and the powers.
+
+    The multipliers solve B M^-1 B^T lambda = B (a - M^-1 F), of which matrix and right side are left. They
+    are those of the change of velocities, with contacts that do what is told of them; or those of the place
+    and the velocities, and so are the accelerations then.
+    """
+    contacts, phases, bodies = eq.block(p, eq.CONTACTS), eq.block(p, eq.PHASES), eq.block(p, eq.BODIES)
+    size, m, laws, F = len(q), len(right), phases.copy(), np.empty(len(q))
     for n in range(len(rows)):
-        row = rows[n]
         for k in range(3):
-            was, now = before[n, k], state[row, 3 + k]
-            q[3 * n + k], v[3 * n + k], a[3 * n + k] = state[row, k], (was + now) / 2.0, (now - was) / kick_s
+            was, now, place = before[n, k], state[rows[n], 3 + k], state[rows[n], k]
+            q[3 * n + k], v[3 * n + k], a[3 * n + k] = place, (was + now) / 2.0, (now - was) / plan[KICK]
         ax, ay = to_centre(q, n, origin)
         spin, gain = v[3 * n + 2], a[3 * n + 2]
         q[3 * n], q[3 * n + 1] = q[3 * n] - ax, q[3 * n + 1] - ay
         v[3 * n], v[3 * n + 1] = v[3 * n] + spin * ay, v[3 * n + 1] - spin * ax
         a[3 * n] += gain * ay + spin * spin * ax
         a[3 * n + 1] += spin * spin * ay - gain * ax
-    find_reactions(p, plan[TIME], given, q, v, a, told, powers, multipliers, matrix, right)
+    for k in range(len(contacts)):
+        normal, friction = told[eq.OF_CONTACT * k + eq.NORMAL], told[eq.OF_CONTACT * k + eq.FRICTION]
+        if given == KNOWN and (phases[k, 0] == PUSHED or normal != 0.0):
+            phases[k, 0], phases[k, 1], phases[k, 2] = GIVEN, normal, friction
+    driver = eq.forces(p, plan[TIME], q, v, F, told, powers)
+    phases[:] = laws
+    g, c, gamma, swaps = np.empty(m), np.empty(m), np.empty(m), np.empty(m, np.int64)
+    B, by_mass = np.empty((m, size)), np.empty((m, size))
+    eq.fill_rows(p, plan[TIME], q, v, g, B, c, gamma)
+    driven = eq.block(p, eq.SCALARS)[0, eq.MOTION] >= 0.0  # by the last row
+    for i in range(m):
+        right[i] = gamma[i] if given == CURVED or (given == STRAIGHT and driven and i == m - 1) else 0.0
+        for r in range(size):
+            by_mass[i, r] = B[i, r] / bodies[r // 3, 1 if r % 3 == 2 else 0]
+            right[i] += (B[i, r] * a[r] if given == KNOWN else 0.0) - by_mass[i, r] * F[r]
+        for j in range(i + 1):
+            matrix[i, j] = 0.0
+            for r in range(size):
+                matrix[i, j] += by_mass[i, r] * B[j, r]
+            matrix[j, i] = matrix[i, j]
+    multipliers[:] = right
+    factors = matrix.copy()
+    eq.factor(factors, swaps)
+    eq.solve(factors, swaps, multipliers)
+    for r in range(size):
+        if given != KNOWN:
+            a[r] = F[r] / bodies[r // 3, 1 if r % 3 == 2 else 0]
+            for i in range(m):
+                a[r] += by_mass[i, r] * multipliers[i]
+    if driven:
+        powers[driver] = multipliers[m - 1] * c[m - 1]

@@ -7,7 +7,9 @@ import numpy as np
 import pymunk
 
 from engine_models.engine import FloatArray, UnsupportedScene
+from engine_models.minimal.forces import Forces
 from engine_models.scene.mechanism import levers_m
+from engine_models.scene.parts import AnyScene
 from reference_solver.mechanism.data import GROUND, Guide, MechanismData, Pin, Point
 
 #: The mass of a body that turns about a pin of the ground without a joint: a power of two loses no digit.
@@ -23,26 +25,45 @@ class Model:
 
     ``origin`` (bodies, 2) is the way from each body's centre of mass to its origin in the space, in the
     body's axes: a body that is moved about a pin of the ground, or turns about it as one with it, has it
-    there. ``lift_N`` (bodies, 2) is what takes the space's gravity back where a weight is given as a load.
+    there. ``forces`` has the mechanism's numbers. ``lift_N`` (bodies, 2) is what takes the space's gravity back where a weight is given as a load.
     """
 
+    forces: Forces
     space: pymunk.Space
     bodies: tuple[pymunk.Body, ...]
     origin: FloatArray
     lift_N: FloatArray
     groove_m: float
 
+    @property
+    def rotors(self) -> bool:
+        """Whether a body turns about a pin of the ground as one with it."""
+        return any(body.mass == IMMOVABLE_KG for body in self.bodies)
 
-def build(of: MechanismData, position: FloatArray, rotors: bool) -> Model:
-    """Return the space of a mechanism at positions (bodies, 3) of its centres of mass.
+    def end(self, body: int, point: Point) -> tuple[pymunk.Body, pymunk.Vec2d]:
+        """Return a body of the space, or its static one for the ground, and a point from its origin."""
+        if body == GROUND:
+            return self.space.static_body, pymunk.Vec2d(*point)
+        return self.bodies[body], pymunk.Vec2d(*point) - tuple(self.origin[body])
+
+    def set_velocities(self, velocity: FloatArray) -> None:
+        """Set the velocities (bodies, 3) of the centres of mass; origins in pins of the ground stay there."""
+        for body, origin, (x, y, spin) in zip(self.bodies, self.origin, velocity.tolist(), strict=True):
+            body.velocity, body.angular_velocity = (0.0, 0.0) if origin.any() else (x, y), spin
+
+
+def build(scene: AnyScene, position: FloatArray, all_joints: bool) -> Model:
+    """Return the space of a scene's mechanism at positions (bodies, 3) of its centres of mass.
 
     Every ideal pin is a pivot and every guide a groove, with a gear where one of its bodies turns, but for
-    those that hold what a drive moves. That is kinematic. There are no shapes, so nothing can touch.
+    those that hold what a drive moves. That is kinematic. Where loads act in every step, whatever turns about
+    a pin of the ground does so without a joint, unless ``all_joints`` are wanted. There are no shapes.
 
     Raises:
         UnsupportedScene: a guide is none that Pymunk's groove is right for.
     """
-    still, space = _not_turning(of), pymunk.Space()
+    of, forces, space = scene.mechanism, Forces(scene), pymunk.Space()
+    still, rotors = _not_turning(of), bool(forces.parts) and not all_joints
     about = {
         body: pin for body in range(len(of.bodies)) if (pin := _pivot(of, body, still, rotors)) is not None
     }
@@ -64,7 +85,7 @@ def build(of: MechanismData, position: FloatArray, rotors: bool) -> Model:
         body.angle = phi
         bodies.append(body)
     groove = GROOVE * (max(levers_m(of), default=0.0) or 1.0)
-    model = Model(space, tuple(bodies), origin, lift, groove)
+    model = Model(forces, space, tuple(bodies), origin, lift, groove)
     joints = [_pivot_joint(model, pin) for pin in of.ideal if pin not in about.values()]
     for guide in of.guides:
         if not (is_kinematic(of, guide.body_j) and _drives(of, guide)):
@@ -159,20 +180,13 @@ def _require_no_slot(of: MechanismData, guide: Guide) -> None:
         )
 
 
-def _end(model: Model, body: int, point: Point) -> tuple[pymunk.Body, pymunk.Vec2d]:
-    """Return a body of the space, and a point from its origin."""
-    if body == GROUND:
-        return model.space.static_body, pymunk.Vec2d(*point)
-    return model.bodies[body], pymunk.Vec2d(*point) - tuple(model.origin[body])
-
-
 def _pivot_joint(model: Model, pin: Pin) -> pymunk.Constraint:
-    (i, at_i), (j, at_j) = _end(model, pin.body_i, pin.point_i), _end(model, pin.body_j, pin.point_j)
+    (i, at_i), (j, at_j) = model.end(pin.body_i, pin.point_i), model.end(pin.body_j, pin.point_j)
     return pymunk.PivotJoint(i, j, at_i, at_j)
 
 
 def _guide_joints(model: Model, guide: Guide, still: set[int]) -> list[pymunk.Constraint]:
-    (i, at_i), (j, at_j) = _end(model, guide.body_i, guide.point_i), _end(model, guide.body_j, guide.point_j)
+    (i, at_i), (j, at_j) = model.end(guide.body_i, guide.point_i), model.end(guide.body_j, guide.point_j)
     reach = pymunk.Vec2d(model.groove_m, 0.0).rotated(guide.angle_rad)
     joints: list[pymunk.Constraint] = [pymunk.GrooveJoint(i, j, at_i - reach, at_i + reach, at_j)]
     if not {guide.body_i, guide.body_j} <= still:

@@ -13,27 +13,31 @@ Coulomb's friction know nothing of energy: an impact that turns the sliding roun
 
 from typing import Any
 
+import numpy as np
 import pymunk
 
-from engine_models.engine import T, UnsupportedScene
+from engine_models.engine import FloatArray, T, UnsupportedScene
+from engine_models.pymunk.model import Model
 from engine_models.scene.scene import Clearance
+from reference_solver.mechanism.data import Pin
 
 
 class NativeContact:
     """The circles of a pin and its bearing in a space.
 
-    Of the last step it tells the impulses in N s, positive where the wall pushes the pin, or where friction
-    acts 90 degrees counter-clockwise of the normal on it; the speed at which the pin went into the wall,
-    before; and whether it is through it.
+    It tells of the last step whether the wall ``pushes`` the pin; the impulses (2,) of that and of friction,
+    which acts 90 degrees counter-clockwise of the bearing's normal on the pin, in N s; the speed before at
+    which the pin went into the wall; and whether it has ever gone ``through`` it.
     """
 
-    def __init__(self, space: pymunk.Space, number: int, room: Clearance, *ends: Any) -> None:
-        """Add a joint's contact by its ``number``; ``ends`` are (body, point) of bearing and pin."""
-        self._room, self._ends = room, ends
-        self.normal_N_s = self.friction_N_s = self.rate_m_s = 0.0
-        self.through = False
+    def __init__(self, model: Model, number: int, pin: Pin, room: Clearance) -> None:
+        """Add the contact of a joint, by its number, to the model's space."""
+        ends, self._room = [model.end(pin.body_i, pin.point_i), model.end(pin.body_j, pin.point_j)], room
+        self._ends = ends[::-1] if pin.bearing_on_j else ends
+        self.impulse_N_s: FloatArray = np.zeros(2)
+        self.rate_m_s, self.through = 0.0, False
         circles = []
-        for end, (body, point) in enumerate(ends):
+        for end, (body, point) in enumerate(self._ends):
             circle = pymunk.Circle(body, room.bearing_radius_m - end * room.radial_clearance_m, point)
             circle.collision_type = 2 * number + end + 1
             circle.filter = pymunk.ShapeFilter(categories=1 << number, mask=1 << number)
@@ -41,27 +45,32 @@ class NativeContact:
             circles.append(circle)
         circles[0].elasticity = room.restitution or 0.0
         circles[0].friction = room.friction.coefficient if room.friction is not None else 0.0
-        space.add(*circles)
-        kinds = (circle.collision_type for circle in circles)
-        space.on_collision(*kinds, pre_solve=self._set_points, post_solve=self._keep_impulse)
+        model.space.add(*circles)
+        bearing, inside = (circle.collision_type for circle in circles)
+        model.space.on_collision(bearing, inside, pre_solve=self._set_points, post_solve=self._keep_impulse)
+
+    @property
+    def pushes(self) -> bool:
+        """Whether the wall pushes the pin."""
+        return bool(self.impulse_N_s[0] > 0)
 
     def _set_points(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
         """Make of the circles' overlap the contact of a pin in a bearing, if there is one."""
         (bearing, at_bearing), (pin, at_pin) = self._ends
         centre, place = bearing.local_to_world(at_bearing), pin.local_to_world(at_pin)
-        way, c = place - centre, self._room.radial_clearance_m
-        self.normal_N_s = self.friction_N_s = 0.0
-        arbiter.process_collision = way.length > c
-        if not way.length > c:
+        gap, radius, c = place - centre, self._room.bearing_radius_m, self._room.radial_clearance_m
+        self.impulse_N_s[:] = 0.0
+        arbiter.process_collision = gap.length > c
+        if not arbiter.process_collision:
             return
-        self.through = self.through or not way.length <= self._room.bearing_radius_m
-        n = self._n = way / way.length
+        self.through = self.through or not gap.length <= radius
+        self._n = n = gap / gap.length
         drift = pin.velocity_at_local_point(at_pin) - bearing.velocity_at_local_point(at_bearing)
         self.rate_m_s = n.dot(drift)
         contact = arbiter.contact_point_set
+        # Each wall has its own point: Pymunk takes the penetration from their distance.
         contact.normal = -n
-        contact.points[0].point_a = centre + self._room.bearing_radius_m * n
-        contact.points[0].point_b = place + (self._room.bearing_radius_m - c) * n
+        contact.points[0].point_a, contact.points[0].point_b = centre + radius * n, place + (radius - c) * n
         arbiter.contact_point_set = contact
         if self.rate_m_s < (self._room.minimum_impact_speed_m_s or 0.0):
             arbiter.restitution = 0.0
@@ -69,7 +78,7 @@ class NativeContact:
     def _keep_impulse(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
         """Keep the impulse; Pymunk tells the one on the bearing."""
         impulse = arbiter.total_impulse
-        self.normal_N_s, self.friction_N_s = impulse.dot(self._n), impulse.cross(self._n)
+        self.impulse_N_s[:] = impulse.dot(self._n), impulse.cross(self._n)
 
 
 def rigid_twin(scene: T) -> T:
