@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: study published-page test system accuracy coverage planted docs lint types benchmark publish lock clean
+.PHONY: study published-page test system accuracy planted check lint types benchmark publish lock clean
 
 study: .venv/.study
 	$(BIN)/crankslider run
@@ -23,18 +23,9 @@ system: .venv/.ready
 accuracy: .venv/.ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m accuracy
 
-# Which lines of the four packages no test runs; what may stay so is named in pyproject.toml with the reason.
-coverage: .venv/.ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not accuracy" --cov
-
-# These pages as a site, to be opened at docs/_build/index.html.
-docs: .venv/.ready
-	$(BIN)/python -m sphinx -E -W --keep-going -q docs docs/_build
-
-# Plants every bug of a catalogue in a copy and sees which test catches it, half an hour; SAMPLE=12 draws some.
+# Plants bugs of a catalogue in a copy and sees which test catches each; SAMPLE=12 draws some.
 planted: .venv/.ready
 	$(BIN)/python -m tests.planted_bugs $(if $(SAMPLE),--sample $(SAMPLE)) $(if $(SEED),--seed $(SEED))
-
 
 lint: .venv/.ready
 	$(BIN)/ruff check .
@@ -42,6 +33,10 @@ lint: .venv/.ready
 
 types: .venv/.ready
 	$(BIN)/mypy
+
+# All that CI does.
+check: lint types test system accuracy
+	$(MAKE) planted SAMPLE=10
 
 # Time per step of the compiled kernel beside hand-written C, and of runs beside heyoka's, the limit of speed, where that
 # is installed (pip install heyoka).
@@ -78,4 +73,4 @@ lock: .venv/.ready
 	echo setuptools | $(LOCK) pyproject.toml - --constraint requirements.lock -o study.lock
 
 clean:
-	rm -rf .venv results report published-page docs/_build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv results report published-page *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -182,7 +182,7 @@ def show(scene: SceneName, changes: Changes = None) -> None:
 
 @app.command()
 def check(scene: SceneName, changes: Changes = None, quiet: Quiet = False) -> None:
-    """Tell bodies, rows and freedoms of a mechanism, its start, and its nearest singular position."""
+    """Tell freedoms and start of a mechanism, singular positions, dead centres, transmission angles."""
     from engine_models.engine import ImpossibleStart, SimulationFailed
     from engine_models.reference.inspection import inspect
 
@@ -218,7 +218,12 @@ def simulate(
     end: EndTime = None,
     start: Annotated[
         str,
-        Option("--from", metavar="T", help="The largest contact force is that after T: a transient is over."),
+        Option(
+            "--from",
+            "--start",
+            metavar="T",
+            help="The largest contact force is that after T: a transient is over.",
+        ),
     ] = "0",
     samples: Samples = "200",
     out: SamplesFile = None,

@@ -63,8 +63,6 @@ Jobs = Annotated[int, Field(ge=1, le=1000), in_words()]
 DEFAULT_STEP_S = 1e-5
 #: A step below this part of the end time is lost to the rounding of time.
 SHORTEST_STEP_PART = 1e-12
-#: Times at which a table of another solver is compared.
-MOST_COMPARED = 2000
 
 
 @check_arguments
@@ -382,8 +380,10 @@ def verdicts_on(engine: str) -> "Iterator[Verdict]":
 def verdicts_on_file(table: Path, scene: AnyScene) -> "Iterator[Verdict]":
     """Return the verdicts on a table that another solver made of a scene, by the names of its columns.
 
+    Its times ``time_s`` are equally spaced from 0 on, since the reference solution is sampled so.
+
     Raises:
-        BadInput: it cannot be read, or shares no column with the reference solution.
+        BadInput: it cannot be read, has other times, or shares no column with the reference solution.
         Failed: no reference solution was found.
     """
     import pandas as pd
@@ -394,13 +394,14 @@ def verdicts_on_file(table: Path, scene: AnyScene) -> "Iterator[Verdict]":
         columns = pd.read_csv(table)
     except (OSError, ValueError) as reason:
         raise BadInput(f"from: expected a CSV file, got '{reason}'") from None
-    true = truth(scene, samples=MOST_COMPARED).frame.reset_index()
+    times = columns.get("time_s", pd.Series(dtype=float)).to_numpy()
+    if len(times) < 2 or not np.allclose(times, np.linspace(0, times[-1], len(times)), atol=1e-9 * times[-1]):
+        raise BadInput(f"from: expected time_s at equal distances from 0 on, got {shown(times.tolist())}")
+    true = truth(scene, end=float(times[-1]), samples=len(times) - 1).frame.reset_index()
     shared = [name for name in true if name in columns]
-    if "time_s" not in columns or len(shared) < 2:
-        raise BadInput(
-            f"from: expected time_s and columns such as {true.columns[1]}, got {', '.join(columns)}"
-        )
-    return verdicts_on_table(*({name: it[name].to_numpy() for name in shared} for it in (columns, true)))
+    if len(shared) < 2:
+        raise BadInput(f"from: expected columns such as {true.columns[1]}, got {', '.join(columns)}")
+    return verdicts_on_table(columns[shared], true[shared])
 
 
 def require_baselines(folder: Path, accept: bool) -> None:

@@ -4,7 +4,6 @@ import io
 import json
 import os
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -24,7 +23,7 @@ from engine_models.scene.general import GeneralScene
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown, unknown
 from studies.failures import BadInput, writing
-from studies.whole_file import require_place, whole_file, write_through, write_whole
+from studies.whole_file import require_place, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -191,13 +190,12 @@ class Run:
             contents["plot", Path(plot)] = picture
         if animate is not None:
             contents["animate", Path(animate)] = self.film(Path(animate).suffix.lower(), exaggerate)
-        with ExitStack() as whole:  # all files are there, or none
-            for (name, path), content in contents.items():
-                whole.enter_context(writing(name, path))
+        for (name, path), content in contents.items():
+            with writing(name, path):
                 if path == STDOUT:
                     print(content.decode("utf-8"), end="")
                 else:
-                    write_through(whole.enter_context(whole_file(path)), content)
+                    write_whole(path, content)
 
     def film(self, ending: str, exaggerate: float) -> bytes:
         """Return the animation as the bytes of a file; progress is told as that of a run."""

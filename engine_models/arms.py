@@ -14,8 +14,8 @@ class Arm:
 
     ``settings`` are what makes the arm; the rest has the engine's defaults. Where it has ``tolerances``, the
     names of settings, its method chooses its steps, and the run's step is only the longest. What a study adds
-    resolves more or less and changes no meaning: the step, the tolerances, ``steps_per_contact``, what
-    Pymunk's sweeps leave, and Exudyn's build without range checks, ``fast``.
+    resolves more or less and changes no meaning: the step, the tolerances, ``steps_per_contact``, and
+    what Pymunk's sweeps leave.
     """
 
     engine: str
@@ -59,7 +59,6 @@ WIDE_GAP = Arm(
     {"solver": "DOPRI5", "event_gap": 0.03, "step_safety": 0.7},
     ("step_tolerance",),
 )
-ODE23 = Arm("exudyn", "ODE23", {"solver": "ODE23"}, ("step_tolerance",))
 
 
 #: Pymunk at its best, and with all that a user who sets nothing has; its contacts as the scene's law has
@@ -92,7 +91,7 @@ ODE = Arm("scipy", "ode(dop853)", {"method": "dop853"}, ("rtol", "atol"))
 RADAU = Arm("scipy", "solve_ivp, Radau", {"method": "Radau"}, ("rtol", "atol"))
 #: Engines, and arms, whose solve gives the motion alone: forces are computed after the run, at the samples
 #: that are asked for, and are in no run time. Exudyn's explicit solvers have no joints to tell forces of.
-MOTION_ALONE = ("scipy", DOPRI5, WIDE_GAP, ODE23, RK44)
+MOTION_ALONE = ("scipy", DOPRI5, WIDE_GAP, RK44)
 
 #: What each arm is, by its label.
 MEANINGS = {
@@ -112,7 +111,6 @@ MEANINGS = {
     RK44.label: "explicit RK4 on a kinematic tree, steps of one length",
     DOPRI5.label: "explicit DOPRI5 on a kinematic tree, with error control",
     WIDE_GAP.label: "the same with a wider band in which contacts switch, and shorter steps",
-    ODE23.label: "explicit ODE23 on a kinematic tree, with error control",
     TUNED.label: "joint errors corrected in full in every step, as many sweeps as the scene needs, order 2",
     OUT_OF_THE_BOX.label: "Pymunk's own defaults, order 1",
     AS_THE_SCENE.label: "tuned joints, contact forces by the scene's law, steps of one length",

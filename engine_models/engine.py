@@ -41,10 +41,6 @@ class ImpossibleScene(UnsupportedScene):
     """No engine is asked: there is no such mechanism."""
 
 
-class ProcessTaken(UnsupportedScene):
-    """This process has loaded what the engine cannot run beside; a new process could run the scene."""
-
-
 class SimulationFailed(Exception):
     """The run broke down; the message says when and why."""
 

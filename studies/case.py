@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from engine_models.arms import MEANINGS, Arm, Setting
-from engine_models.engine import FloatArray, ProcessTaken, RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import engine_module
 from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown
@@ -70,6 +70,18 @@ class Case:
     def settings(self) -> dict[str, Setting]:
         """The engine's settings, the configuration's and the added ones."""
         return {**self.arm.settings, **self.added}
+
+    @property
+    def compiles(self) -> frozenset[tuple[str, ...]]:
+        """What machine code the case needs that others need too: its engine's, and that of the truth.
+
+        Energy is the study that asks for no truth.
+        """
+        walls = "ideal"
+        if rooms := self.scene.clearances.values():
+            walls = "rigid" if all(room.law == "rigid" for room in rooms) else "compliant"
+        engines = (self.engine,) if self.study == "energy" else (self.engine, "reference", "scipy")
+        return frozenset((engine, walls) for engine in engines)
 
     @property
     def key(self) -> str:
@@ -127,13 +139,10 @@ def run_case(case: Case) -> tuple[Row, Curves]:
     """Run a case; where there is no run the row has what ``ended`` gives.
 
     Raises:
-        ProcessTaken: another process could run it.
         Failed: there is a bug in the study or an engine's model.
     """
     try:
         measured, curves = load_study(case.study).measure(case)
-    except ProcessTaken:
-        raise  # no answer yet
     except UnsupportedScene as refusal:
         return ended(case, "unsupported", refusal), {}
     except SimulationFailed as failure:

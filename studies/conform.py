@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from studies.judges.converged_truth import converged, solved
 from studies.judges.convergence import observed_order
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
 from studies.judges.metrics import constraint_violation_m
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Subject = TypeVar("Subject")
 
@@ -363,19 +366,14 @@ def tried(claim: Callable[[Subject], Finding], subject: Subject) -> Finding:
         return Finding(False, f"{type(error).__name__}: {error}")
 
 
-def verdicts_on_table(columns: dict[str, Any], truth: dict[str, Any]) -> Iterator[Verdict]:
-    """Yield a verdict on each column of another solver's table that the reference solution has as well.
+def verdicts_on_table(columns: "pd.DataFrame", truth: "pd.DataFrame") -> Iterator[Verdict]:
+    """Yield a verdict on each column of another solver's table, up to where the reference solution is known.
 
-    Both are arrays by their names, (n,), with ``time_s``; the reference solution is known at all its times.
+    Both have the same columns at the same times, ``time_s`` among them.
     """
-    time_s = np.asarray(columns["time_s"], dtype=float)
-    known = time_s <= truth["time_s"][-1] * (1 + 1e-9)
-    for name in truth:
-        if name == "time_s" or name not in columns:
-            continue
-        right = np.interp(time_s[known], truth["time_s"], truth[name])
-        off = float(np.abs(np.asarray(columns[name], dtype=float)[known] - right).max())
-        largest = float(np.abs(right).max())
+    for name in truth.columns.drop("time_s"):
+        off = float((columns[name] - truth[name]).abs().max())
+        largest = float(truth[name].abs().max())
         bound = PLACE_M if name.endswith("position_m") else STRENGTH * largest
         unit = f"off, the largest is {largest:.3g}"
         yield Verdict(name, "", *_within(off, bound, unit, "what is asked of every engine"))

@@ -1,7 +1,5 @@
 """The studies by name, each imported only when asked for."""
 
-#: On a machine without kernels the first case compiles those of the reference solution; of the second study
-#: none asks for it, so that no other process waits (see ``runner``).
 STUDIES = {
     name: f"studies.{name}"
     for name in ("accuracy", "energy", "predictability", "cost", "stability", "extremes")

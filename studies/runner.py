@@ -85,7 +85,8 @@ def run_cases(
                     store.keep(call.case.key, code_of(call.case.engine), row, curves)
                     progress.advance(bars[call.case.study])
 
-        run(_beside(lacking), workers, last=False)
+        beside = [lacking[key] for key in sorted(lacking) if not lacking[key].timed]  # as good as random
+        run(beside, workers, last=False)
         with Pool(1) as alone:
             run([*again, *(case for case in lacking.values() if case.timed)], alone, last=True)
     ended_as = store.statuses()
@@ -100,6 +101,7 @@ class Call:
 
     def __init__(self, case: Case) -> None:
         self.case, self.limit_s, self.code = case, case.limit_s, code_of(case.engine)
+        self.compiles = case.compiles
 
     def answer(self) -> tuple[Row, Curves]:
         """Return the row and the curves of the case."""
@@ -114,20 +116,6 @@ class Call:
 def lacks(status: str | None, retry_failed: bool) -> bool:
     """Return whether a run that resumes has to make a case that ended so, None if it is not there."""
     return status in (None, KILLED) or (retry_failed and status not in ("ok", "unsupported"))
-
-
-def _beside(cases: Mapping[str, Case]) -> list[Case]:
-    """Return the cases that may run beside each other: of a study in an order as good as random.
-
-    Of cases that start together and share a kernel one would wait for the other. So the first one, which
-    compiles the reference solution on a machine without kernels, is followed by those of other studies.
-    """
-    studies = {case.study: list[Case]() for case in cases.values()}
-    for _, case in sorted(cases.items()):
-        if not case.timed:
-            studies[case.study].append(case)
-    first, *others = studies.values() or [[]]
-    return [*first[:1], *(case for study in others for case in study), *first[1:]]
 
 
 def _row_of(case: Case, result: object) -> tuple[Row, Curves]:

@@ -80,7 +80,6 @@ COMPLIANT: Series = {
     arms.REFERENCE_DOP853: ((8, 10, 12), range(6, 13)),
     arms.DOPRI5: ((6, 8, 10), range(4, 12)),
     arms.WIDE_GAP: ((), range(4, 7)),
-    arms.ODE23: ((), range(4, 7)),
     arms.TRAPEZOIDAL: ((), range(5)),
     arms.AS_THE_SCENE: ((), range(7)),
     arms.SHORTER_IN_CONTACT: ((1, 3, 5), range(8)),
@@ -159,9 +158,7 @@ def _series(scene: AnyScene) -> Series:
 
 
 def _added(scene: AnyScene, arm: Arm) -> dict[str, Setting]:
-    """Return what the studies set beside the step, such as Exudyn's build without range checks."""
-    if arm.engine == "exudyn":
-        return {"fast": True}
+    """Return what the studies set beside the step."""
     if arm == arms.TUNED:
         return {"sweeps_leave": LEFT_IDEAL if scene.driven_by.kind in ("free", "torque") else LEFT_DRIVEN}
     if arm == arms.SHORTER_IN_CONTACT:

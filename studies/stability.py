@@ -15,7 +15,7 @@ import numpy as np
 
 from engine_models import arms
 from engine_models.arms import Arm
-from engine_models.engine import ProcessTaken, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.mechanics.states import observed_m
@@ -133,8 +133,6 @@ def measure(case: Case) -> tuple[Row, Curves]:
     engine = make_engine(case.engine, **case.settings)
     try:
         own = engine.twin(case.scene)
-    except ProcessTaken:
-        raise  # no answer yet
     except UnsupportedScene as refusal:
         return {**ended(case, "unsupported", refusal), **_verdict(REFUSED, str(refusal))}, {}
     with np.errstate(all="ignore"):  # an overflow has its verdict and needs no warning

@@ -8,7 +8,7 @@ import os
 import pickle
 import signal
 import sys
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from multiprocessing import current_process, get_context, parent_process, resource_tracker
@@ -16,10 +16,9 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import NamedTemporaryFile
-from threading import Lock, Thread
+from threading import Condition, Lock, Thread
 from typing import Any, TypeVar
 
-from engine_models.engine import ProcessTaken
 from studies.failures import Failed
 
 T = TypeVar("T")
@@ -64,7 +63,7 @@ class Worker:
         """Return what a call returns in the process, or raise what it raises.
 
         A call whose process has run others is run again in a new one, so that none answers for the damage
-        that another did, nor for what another loaded.
+        that another did.
 
         Raises:
             Ended: the process died of the call, exceeded the limit, or was killed.
@@ -74,10 +73,6 @@ class Worker:
             used = self._process is not None
             try:
                 return self._run(call, args, limit_s)
-            except ProcessTaken as refusal:
-                self._end()
-                if not used:
-                    raise Ended("unsupported", str(refusal)) from None
             except Ended as end:
                 if self._closed or not used or end.status in (TIMED_OUT, KILLED):
                     raise
@@ -181,24 +176,41 @@ class Pool:
     def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
         """Yield every item, which has a ``limit_s``, and what its call gave, as it ends.
 
+        Of items that need the same machine code, named in ``compiles``, the first runs beside none of the
+        others: on a machine without it they would all compile it, or wait.
+
         Raises:
             Exception: what a call raised other than ``Ended``.
         """
-        waiting = deque(items)
+        waiting, compiled, changed = deque(items), set[Any](), Condition()
+        compiling: Counter[Any] = Counter()
+        count = len(waiting)
         done: SimpleQueue[tuple[Any, Any]] = SimpleQueue()
 
-        def work(worker: Worker) -> None:
-            while waiting:
-                try:
-                    item = waiting.popleft()
-                except IndexError:  # another thread took the last one
-                    return
-                try:
-                    done.put((item, worker.run(call, item, limit_s=item.limit_s)))
-                except BaseException as error:
-                    done.put((item, error))
+        def take() -> Any:
+            """Return an item that compiles nothing that another one does now, None when all are taken."""
+            with changed:
+                while waiting:
+                    for item in waiting:
+                        if not any(compiling[part] for part in item.compiles - compiled):
+                            compiling.update(item.compiles)
+                            waiting.remove(item)
+                            return item
+                    changed.wait()
+            return None
 
-        count = len(waiting)
+        def work(worker: Worker) -> None:
+            while (item := take()) is not None:
+                try:
+                    result: Any = worker.run(call, item, limit_s=item.limit_s)
+                except BaseException as error:
+                    result = error
+                with changed:
+                    compiling.subtract(item.compiles)
+                    compiled.update(item.compiles)
+                    changed.notify_all()
+                done.put((item, result))
+
         for worker in self._workers[:count]:
             Thread(target=work, args=(worker,), daemon=True).start()
         try:
@@ -208,7 +220,9 @@ class Pool:
                     raise result
                 yield item, result
         finally:
-            waiting.clear()
+            with changed:
+                waiting.clear()
+                changed.notify_all()
 
 
 @contextmanager

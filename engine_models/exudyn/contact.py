@@ -1,152 +1,131 @@
-"""A joint with clearance in Exudyn: a sphere in a hollow one, with the friction of both, and what it did.
+"""A joint with clearance in Exudyn: the law in its parameters, and what a contact did in a run.
 
-After a run the law is evaluated here, at the states that Exudyn recorded, because Exudyn gives forces at its
-steps only, and no energies. Geometry and signs are those of ``engine.Contact``.
+Exudyn's sphere in a hollow sphere knows three normal laws, f = K delta^n + d delta' and
+f = K delta^n (1 + a(e') delta'/v0) with one of two damping factors a of a restitution e' in (0, 1]:
+impact model 1 a = 3(1-e')/2 (Hunt-Crossley); impact model 2 a = 3/2 (1-e')(11-e')/(1+9e') (Carvalho-Martins)
+for e' > 1/3, else (1-e'^2)/e' (Gonthier). Model 1 reaches a < 3/2 and model 2 any a, so every law of the
+family has an e' that makes it Exudyn's own, exactly. The force is never clipped: it may pull. Friction is
+saturated linear. It follows the sign of the normal force: where that pulls, friction drives the sliding.
+
+Exudyn gives forces at its steps only, and no energies: after a run the law is evaluated at the states that
+Exudyn recorded.
 """
 
+import math
 from dataclasses import dataclass
-from typing import Any
 
-import exudyn as exu
 import numpy as np
-from exudyn import itemInterface
 from numpy.typing import NDArray
 
-from engine_models.engine import Contact, FloatArray, Impacts
-from engine_models.exudyn.contact_law import native_law
-from engine_models.exudyn.motion import APPROACH_SPEED, Motion, integral
-from engine_models.mechanics.contact_law import (
-    damping_factor_of,
-    exponent_of,
-    minimum_impact_speed_of,
-    stiffness_of,
-)
+from engine_models.engine import Contact, FloatArray, Impacts, T, UnsupportedScene
+from engine_models.exudyn.motion import Motion, integral
 from engine_models.mechanics.impacts import along_steps, largest
-from engine_models.mechanics.joints import (
-    ContactForces,
-    cross,
-    directions,
-    gaps,
-    joint_gap,
-    levers,
-    penetration_m,
-)
-from engine_models.mechanics.states import JointGap
+from engine_models.mechanics.states import pin_gap
 from engine_models.mechanics.trajectory import contact_of
-from engine_models.scene.parts import AnyScene, Clearance
+from engine_models.minimal.forces import ContactStates, Forces
+from engine_models.scene.parts import Clearance
+from reference_solver.mechanism.contact_laws import damping_factor_of, minimum_impact_speed_of
+from reference_solver.mechanism.data import Pin
 
-items: Any = itemInterface  # its constructors carry no types
+#: Hunt-Crossley's form ends at e' = 0; Carvalho-Martins' gives way to Gonthier's at e' = 1/3.
+LARGEST_OF_MODEL_1, LARGEST_OF_CARVALHO_MARTINS = 1.5, 8 / 3
 #: A time of touch is halved down to round-off this often.
 HALVINGS = 60
 #: A contact that lasts no more than this part of the time is round-off.
 BLINK = 1e-12
 
 
-def add_contact(mbs: exu.MainSystem, markers: list[Any], clearance: Clearance, start: JointGap) -> Any:
-    """Add the contact of pin, a sphere, and bearing, a hollow one, from one state of its gap.
-
-    Returns:
-        The node of its history: gap (negative in contact), tangential speed (of the centres, which the first
-        step corrects), approach speed of the latest touch, and a plastic depth that no law here uses. A
-        contact that is closed at the start touches there.
-    """
-    c, bearing_radius, law = clearance.radial_clearance_m, clearance.bearing_radius_m, native_law(clearance)
-    friction = clearance.friction
-    (gap,), (rate,) = start.gap_m, start.rate_m_s
-    distance = float(np.hypot(*gap))
-    normal = gap / distance if distance > 0 else np.zeros(2)
-    approach, across = normal @ rate, normal[0] * rate[1] - normal[1] * rate[0]
-    begin = [c - distance, abs(across), max(approach, 0.0) if distance > c else 0.0, 0.0]
-    history = mbs.AddNode(items.NodeGenericData(initialCoordinates=begin, numberOfDataCoordinates=len(begin)))
-    contact = items.ObjectContactSphereSphere(
-        markerNumbers=markers,
-        nodeNumber=history,
-        spheresRadii=[bearing_radius - c, bearing_radius],
-        isHollowSphere1=True,
-        contactStiffness=stiffness_of(clearance),
-        contactStiffnessExponent=exponent_of(clearance),
-        contactDamping=law.damping_N_s_m,
-        impactModel=law.impact_model,
-        restitutionCoefficient=law.restitution,
-        minimumImpactVelocity=minimum_impact_speed_of(clearance),
-        dynamicFriction=0.0 if friction is None else friction.coefficient,
-        frictionProportionalZone=1.0 if friction is None else friction.regularisation_speed_m_s,
-    )
-    mbs.AddObject(contact)
-    return history
-
-
 @dataclass(frozen=True)
-class ContactStates(ContactForces):
-    """A contact's forces, the rate (n,) of its penetration, and what normal force and friction dissipate."""
+class NativeLaw:
+    """Exudyn's parameters of a normal law; the restitution is Exudyn's e', not that of the scene."""
 
-    rate_m_s: FloatArray
-    damping_W: FloatArray
-    friction_W: FloatArray
+    impact_model: int
+    restitution: float
+    damping_N_s_m: float
 
 
-def contact_states(scene: AnyScene, joint: str, motion: Motion, time_s: FloatArray) -> ContactStates:
-    """Return a contact at times (n,) of a motion."""
-    clearance = scene.clearances[joint]
+def native_law(clearance: Clearance) -> NativeLaw:
+    """Return the law in Exudyn's parameters, with Exudyn's e' solved for from the law's own damping."""
+    a = damping_factor_of(clearance)
+    if a == 0:
+        return NativeLaw(0, 1.0, clearance.damping_N_s_m or 0.0)
+    if a < LARGEST_OF_MODEL_1:
+        return NativeLaw(1, 1 - 2 * a / 3, 0.0)
+    if a < LARGEST_OF_CARVALHO_MARTINS:  # 3/2 e'^2 - (18 + 9a) e' + 33/2 - a = 0, its smaller root
+        b = 18 + 9 * a
+        return NativeLaw(2, 2 * (16.5 - a) / (b + math.sqrt(b * b - 6 * (16.5 - a))), 0.0)
+    return NativeLaw(2, 2 / (a + math.sqrt(a * a + 4)), 0.0)  # e'^2 + a e' - 1 = 0
+
+
+def native_twin(scene: T) -> T:
+    """Return the scene with the contact laws as Exudyn has them.
+
+    Raises:
+        UnsupportedScene: a law has no counterpart in Exudyn.
+    """
+    rooms = scene.clearances.items()
+    return scene.with_clearances({name: _native_twin(name, clearance) for name, clearance in rooms})
+
+
+def _native_twin(name: str, clearance: Clearance) -> Clearance:
+    if clearance.law == "rigid":
+        raise UnsupportedScene(
+            f"exudyn has no rigid contact (clearance at {name}): its contacts are compliant"
+        )
+    friction = clearance.friction
+    if friction is not None:
+        if friction.law == "ambrosio":
+            raise UnsupportedScene(f"exudyn's friction has no dead band (clearance at {name})")
+        friction = friction.model_copy(update={"law": "saturated-linear"})
+    changed: dict[str, object] = {"friction": friction}
+    if damping_factor_of(clearance) != 0:
+        changed |= {"may_pull": True, "minimum_impact_speed_m_s": minimum_impact_speed_of(clearance)}
+    return clearance.model_copy(update=changed)
+
+
+def contact_states(forces: Forces, motion: Motion, time_s: FloatArray) -> dict[str, ContactStates]:
+    """Return all contacts at times (n,) of a motion."""
     position, velocity, _ = motion.at(time_s)
-    between = joint_gap(scene, joint, position, velocity)
-    normal, _ = directions(between.gap_m)
-    penetration = penetration_m(clearance, between.gap_m)
-    depth = np.maximum(penetration, 0.0)
-    rate = np.sum(normal * between.rate_m_s, axis=1)
-    bearing_lever, pin_lever = levers(clearance, penetration)
-    sliding = cross(normal, between.rate_m_s)
-    sliding += between.pin_spin_rad_s * pin_lever - between.bearing_spin_rad_s * bearing_lever
-    # The approach speed is stored at the end of the step that touches.
-    history = motion.histories[joint]
-    step_end = np.clip(np.searchsorted(motion.time_s, time_s, "left"), 0, len(history) - 1)
-    approach = np.maximum(history[step_end, APPROACH_SPEED], minimum_impact_speed_of(clearance))
-    spring = stiffness_of(clearance) * depth ** exponent_of(clearance)
-    damping = spring * damping_factor_of(clearance) / approach
-    damping += np.where(depth > 0, clearance.damping_N_s_m or 0.0, 0.0)
-    force = spring + damping * rate
-    friction = np.zeros_like(force)
-    if clearance.friction is not None:
-        share = np.clip(sliding / clearance.friction.regularisation_speed_m_s, -1.0, 1.0)
-        friction = -clearance.friction.coefficient * force * share
-    losses = damping * rate**2, -friction * sliding
-    return ContactStates(between.gap_m, penetration, force, friction, rate, *losses)
+    return forces.act(time_s, position, velocity, approach_m_s=motion.approach_m_s(time_s)).contacts
 
 
-def contact_record(scene: AnyScene, joint: str, motion: Motion, time_s: FloatArray) -> Contact:
+def contact_record(
+    forces: Forces, motion: Motion, pin: Pin, clearance: Clearance, time_s: FloatArray
+) -> Contact:
     """Return all that a contact did, at the samples' times (n,).
 
     Impulse and losses are Gauss's quadrature, of order 6, over the parts into which steps, samples, touches
     and releases cut the time.
     """
 
-    def powers(time: FloatArray) -> FloatArray:
-        states = contact_states(scene, joint, motion, time)
-        return np.stack([states.normal_force_N, states.damping_W, states.friction_W])
+    def states(at: FloatArray) -> ContactStates:
+        return contact_states(forces, motion, at)[pin.name]
 
-    touch, release = _touches_and_releases(scene, joint, motion)
+    def powers(at: FloatArray) -> FloatArray:
+        of = states(at)
+        return np.stack([of.normal_force_N, of.normal_loss_W, of.friction_loss_W])
+
+    touch, release = _touches_and_releases(motion, pin, clearance.radial_clearance_m)
     ended = touch[: len(release)]
     grid = np.unique(np.concatenate([motion.time_s, time_s, ended, release]))
     sums = integral(grid, powers)
-
-    def since_start(at: FloatArray) -> FloatArray:
-        return np.asarray(sums[:, np.searchsorted(grid, at)])
-
-    impulse, normal_loss, friction_loss = since_start(time_s)
-    impulses, normal_losses, friction_losses = since_start(release) - since_start(ended)
-    states = contact_states(scene, joint, motion, time_s)
+    impulse, normal_loss, friction_loss = sums[:, np.searchsorted(grid, time_s)]
+    impulses, normal_losses, friction_losses = (
+        sums[:, np.searchsorted(grid, release)] - sums[:, np.searchsorted(grid, ended)]
+    )
     inside = [along_steps(motion.time_s, *ends) for ends in zip(ended, release, strict=True)]
-    within = contact_states(scene, joint, motion, np.concatenate([np.zeros(0), *inside]))
+    within = states(np.concatenate([np.zeros(0), *inside]))
     ends = np.cumsum([len(times) for times in inside], dtype=int)[:-1]
-    forces, depths = (
+    forces_N, depths = (
         np.reshape([largest(*each) for each in zip(inside, np.split(of, ends), strict=False)], (-1, 2)).T
         for of in (within.normal_force_N, within.penetration_m)
     )
+    sampled = states(time_s)
     return contact_of(
-        scene.clearances[joint],
-        states.gap_m,
-        normal_force_N=states.normal_force_N,
-        friction_force_N=states.friction_force_N,
+        clearance,
+        sampled.gap_m,
+        normal_force_N=sampled.normal_force_N,
+        friction_force_N=sampled.friction_force_N,
         normal_impulse_N_s=impulse,
         normal_loss_J=normal_loss,
         friction_loss_J=friction_loss,
@@ -154,18 +133,18 @@ def contact_record(scene: AnyScene, joint: str, motion: Motion, time_s: FloatArr
         impacts=Impacts(
             time_s=ended,
             duration_s=release - ended,
-            approach_speed_m_s=contact_states(scene, joint, motion, ended).rate_m_s,
+            approach_speed_m_s=states(ended).rate_m_s,
             normal_impulse_N_s=impulses,
             energy_lost_J=normal_losses + friction_losses,
-            largest_normal_force_N=forces[0],
-            largest_normal_force_time_s=forces[1],
+            largest_normal_force_N=forces_N[0],
+            largest_normal_force_time_s=forces_N[1],
             largest_penetration_m=depths[0],
             largest_penetration_time_s=depths[1],
         ),
     )
 
 
-def _touches_and_releases(scene: AnyScene, joint: str, motion: Motion) -> tuple[FloatArray, FloatArray]:
+def _touches_and_releases(motion: Motion, pin: Pin, clearance_m: float) -> tuple[FloatArray, FloatArray]:
     """Return the times of all touches and of all releases, in order; the last contact may have no release.
 
     A change of sign between two steps is halved down to its time. What begins closed touches at the start. A
@@ -173,7 +152,8 @@ def _touches_and_releases(scene: AnyScene, joint: str, motion: Motion) -> tuple[
     """
 
     def closed_at(time_s: FloatArray) -> NDArray[np.bool_]:
-        return penetration_m(scene.clearances[joint], gaps(scene, motion.at(time_s)[0])[joint]) > 0
+        gap = pin_gap(pin, *motion.at(time_s)[:2]).gap_m
+        return np.asarray(np.hypot(*gap.T) - clearance_m > 0)
 
     closed = closed_at(motion.time_s)
     changes = np.flatnonzero(closed[1:] != closed[:-1])

@@ -2,115 +2,91 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray
-from engine_models.exudyn.kinematic_tree import Link, States, tree_states
+from engine_models.exudyn.kinematics import states
 
 #: In shorter steps differences of coordinates are round-off to their rates: these are taken as linear.
 SHORTEST_FOR_DIFFERENCES_S = 1e-8
 #: Gauss's points and weights on (0, 1): of order 6, above the order of the motion between the steps.
 POINTS = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
+#: So many parts of an integral's grid are evaluated at a time, which bounds the memory that it takes.
+AT_ONCE = 10_000
 
 #: Columns of a contact's history.
 GAP, SLIDING_SPEED, APPROACH_SPEED = range(3)
 
 
 @dataclass(frozen=True)
-class Part:
-    """A node with the links whose coordinates it has, (c,) at the start.
-
-    ``sensors`` measure coordinates, rates and, where they are asked for, accelerations.
-    """
-
-    node: Any
-    links: tuple[Link, ...]
-    start: FloatArray
-    sensors: tuple[int, ...]
-
-
-def place_bodies(
-    states: FloatArray, part: Part, q: FloatArray, v: FloatArray, a: FloatArray | None = None
-) -> None:
-    """Write a part's bodies into positions, velocities and accelerations, (3, n, bodies, 3).
-
-    Its coordinates, with their rates and accelerations, are (n, c); accelerations may be unknown.
-    """
-    a = np.zeros_like(q) if a is None else a
-    for body, moving in tree_states(part.links, part.start + q, v, a):
-        states[:, :, body] = moving
-
-
-@dataclass(frozen=True)
-class Record:
-    """Coordinates, rates and accelerations of a part at the steps, each (k, c); the last may be unknown."""
-
-    part: Part
-    coordinates: FloatArray
-    rates: FloatArray
-    accelerations: FloatArray | None = None
-
-
-@dataclass(frozen=True)
 class Motion:
-    """All parts' records at the times of k steps (k,), and the contacts' histories (k, 4) by joint.
+    """What was recorded at the times of k steps (k,): of links (see ``kinematics``), and of contacts.
 
+    ``coordinates``, ``rates`` and ``accelerations`` are (k, links), ``histories`` (k, 4) by joint.
     ``switched`` (k,) tells the start and the steps at whose end a contact changed to another branch of its
     law: the acceleration recorded there is not the one with which the next step begins.
     """
 
     time_s: FloatArray
+    links: FloatArray
     bodies: int
-    records: tuple[Record, ...]
+    coordinates: FloatArray
+    rates: FloatArray
+    accelerations: FloatArray
     histories: Mapping[str, FloatArray]
     switched: NDArray[np.bool_]
+    implicit: bool
 
-    def at(self, time_s: FloatArray) -> States:
+    def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return positions, velocities and accelerations, each (n, bodies, 3), at any times (n,).
 
-        Within a step the coordinates are the polynomial that meets coordinates, rates and accelerations at
-        both ends: of degree 5, less by one for every acceleration that is unknown.
+        Within a step the coordinates are the polynomial of degree 5 that meets coordinates, rates and
+        accelerations at both ends; of degree 4 where the acceleration at its begin is unknown. Accelerations
+        of ``implicit`` solvers, which are not the derivatives of rates to more than their order, are linear.
         """
         step = np.clip(np.searchsorted(self.time_s, time_s, "right") - 1, 0, len(self.time_s) - 2)
-        out = np.zeros((3, len(time_s), self.bodies, 3))
-        for record in self.records:
-            place_bodies(out, record.part, *self._coordinates(record, time_s, step))
-        return out[0], out[1], out[2]
-
-    def _coordinates(self, record: Record, time_s: FloatArray, step: NDArray[np.int64]) -> States:
         h = (self.time_s[step + 1] - self.time_s[step])[:, None]
         s = (time_s - self.time_s[step])[:, None] / h
-        q0, q1 = record.coordinates[step], record.coordinates[step + 1]
-        v0, v1 = record.rates[step], record.rates[step + 1]
+        q0, q1 = self.coordinates[step], self.coordinates[step + 1]
+        v0, v1 = self.rates[step], self.rates[step + 1]
         d, d0, d1 = q1 - q0, v0 * h, v1 * h
         # Hermite's cubic, then what makes its second derivative right at s = 0 and s = 1: the polynomials
         # s^2 (1-s)^2 and s^3 (1-s)^2 have the second derivatives 2, 2 and 0, 2 there.
         bow0, bow1 = 6 * d - 4 * d0 - 2 * d1, -6 * d + 2 * d0 + 4 * d1
-        c = [q0, d0, bow0 / 2, (bow1 - bow0) / 6, np.zeros_like(d), np.zeros_like(d)]
-        a0, a1 = bow0 / h**2, bow1 / h**2
-        if record.accelerations is not None:
-            a1 = record.accelerations[step + 1]
-            known = ~self.switched[step][:, None]
-            a0 = np.where(known, record.accelerations[step], a1)
-            missing = (a1 * h**2 - bow1) / 2
-            alpha = np.where(known, (a0 * h**2 - bow0) / 2, missing)
-            beta = missing - alpha
-            c[2], c[3] = c[2] + alpha, c[3] - 2 * alpha + beta
-            c[4], c[5] = alpha - 2 * beta, beta
-        q = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))))
-        v = (c[1] + s * (2 * c[2] + s * (3 * c[3] + s * (4 * c[4] + s * 5 * c[5])))) / h
-        a = (2 * c[2] + s * (6 * c[3] + s * (12 * c[4] + s * 20 * c[5]))) / h**2
+        known, a1 = ~self.switched[step][:, None], self.accelerations[step + 1]
+        a0 = np.where(known, self.accelerations[step], a1)
+        missing = (a1 * h**2 - bow1) / 2
+        alpha = np.where(known, (a0 * h**2 - bow0) / 2, missing)
+        beta = missing - alpha
+        c2, c3 = bow0 / 2 + alpha, (bow1 - bow0) / 6 - 2 * alpha + beta
+        c4, c5 = alpha - 2 * beta, beta
+        q = q0 + s * (d0 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
+        v = (d0 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
+        a = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
         short = h < SHORTEST_FOR_DIFFERENCES_S
-        return q, np.where(short, v0 + s * (v1 - v0), v), np.where(short, a0 + s * (a1 - a0), a)
+        v = np.where(short, v0 + s * (v1 - v0), v)
+        a = np.where(short | self.implicit, a0 + s * (a1 - a0), a)
+        out = np.zeros((len(time_s), 3, 3 * self.bodies))
+        states(self.links, q, v, a, out)
+        position, velocity, acceleration = out.reshape(len(out), 3, self.bodies, 3).swapaxes(0, 1)
+        return position, velocity, acceleration
+
+    def approach_m_s(self, time_s: FloatArray) -> dict[str, FloatArray]:
+        """Return the speeds of the latest touches at times (n,), stored as the step ends that touches."""
+        end = np.clip(np.searchsorted(self.time_s, time_s, "left"), 0, len(self.time_s) - 1)
+        return {joint: history[end, APPROACH_SPEED] for joint, history in self.histories.items()}
 
 
 def integral(grid: FloatArray, integrands: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """Return the integrals of functions (m, n) of time (n,) from a grid's start to its times (g,), (m, g)."""
-    width = np.diff(grid)
-    values = integrands((grid[:-1, None] + width[:, None] * POINTS).ravel())
-    pieces = values.reshape(len(values), -1, len(POINTS)) @ WEIGHTS * width
-    return np.concatenate([np.zeros((len(values), 1)), np.cumsum(pieces, axis=1)], axis=1)
+    pieces = list[FloatArray]()
+    for first in range(0, len(grid) - 1, AT_ONCE):
+        part = grid[first : first + AT_ONCE + 1]
+        width = np.diff(part)
+        values = integrands((part[:-1, None] + width[:, None] * POINTS).ravel())
+        pieces.append(values.reshape(len(values), -1, len(POINTS)) @ WEIGHTS * width)
+    sums = np.cumsum(np.concatenate(pieces, axis=1), axis=1)
+    return np.concatenate([np.zeros((len(sums), 1)), sums], axis=1)

@@ -11,21 +11,16 @@ import numpy as np
 
 from engine_models import progress
 from engine_models.engine import EngineFailed, RunSettings, SimulationFailed
+from engine_models.exudyn.engine import IMPLICIT, ExudynEngine, steps_as_they_come
 from engine_models.exudyn.model import Model
-from engine_models.exudyn.settings import (
-    ADAPTIVE,
-    IMPLICIT,
-    ExudynSettings,
-    integrates_work,
-    steps_as_they_come,
-)
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.contact_law import stiffness_of
-from engine_models.mechanics.crank_motion import FEWEST_STEPS, SPEEDS, crank_motion, quickest_s
+from engine_models.mechanics.crank_motion import FEWEST_STEPS, quickest_s
 from engine_models.mechanics.states import lever_m, shortest_m
+from engine_models.minimal.forces import Forces
 from engine_models.pace import Pace
 from engine_models.scene.mechanism import levers_m
 from engine_models.scene.parts import AnyScene
+from reference_solver.mechanism.contact_laws import stiffness_of
 from reference_solver.mechanism.data import Motor
 
 #: Touch and release are located to this penetration, and steps get no shorter than this. The trapezoidal rule
@@ -40,6 +35,8 @@ SHORTEST_STEP_S = {"explicit": 1e-100, "implicit": 1e-13}
 LEAST_GAP_M = 1e-13
 #: Newton's bound grows up to steps in which a body turns by this, and shrinks no further than to this.
 LARGEST_TURN_RAD, LEAST_INCREMENT = 0.1, 1e-12
+#: Times at which a speed that changes is looked at.
+SPEEDS = 1001
 #: After an event steps may grow by this factor each: DOPRI5's (Hairer, Norsett, Wanner) and the others'.
 GROWTH_ADAPTIVE, GROWTH = 5.0, 2.0
 #: Exudyn takes a run for finished 1e-10 s ahead of its end. Where samples lie between steps it is to go on.
@@ -59,25 +56,18 @@ def silence() -> Iterator[None]:
         exu.config.printToConsole, exu.config.suppressWarnings = before
 
 
-def record_every(scene: AnyScene, run: RunSettings) -> int:
-    """Return how many steps of a run of ideal joints go by between two that are recorded.
-
-    It is 1 where a work has to be integrated over every step, else samples are enough.
-    """
-    return 1 if integrates_work(scene) else run.steps_per_sample(scene.end_time_s)
-
-
-def simulation_settings(engine: ExudynSettings, scene: AnyScene, run: RunSettings) -> exu.SimulationSettings:
+def simulation_settings(
+    engine: ExudynEngine, scene: AnyScene, forces: Forces, run: RunSettings, every: int
+) -> exu.SimulationSettings:
     """Return all settings of a run: equal steps to the end, unless events or a tolerance shorten them.
 
-    Of equal steps every so manieth is recorded, of steps as they come every one, however short.
+    Of equal steps one in ``every`` is recorded, of steps as they come all, however short.
     """
     solver, steps = engine.solver_of(scene), run.samples * run.steps_per_sample(scene.end_time_s)
-    as_they_come = steps_as_they_come(engine, scene)
-    every = 0 if as_they_come else record_every(scene, run)
+    as_they_come, kind = steps_as_they_come(engine, scene), "implicit" if solver in IMPLICIT else "explicit"
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = (scene.end_time_s / steps) * every
+    settings.solution.sensors.writePeriod = 0.0 if as_they_come else scene.end_time_s / steps * every
     settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
     settings.parallel.numberOfThreads = 1
     integration = settings.timeIntegration
@@ -87,18 +77,26 @@ def simulation_settings(engine: ExudynSettings, scene: AnyScene, run: RunSetting
     integration.numberOfSteps = steps
     integration.adaptiveStep = integration.automaticStepSize = False
     if scene.joints_with_clearance:
-        _set_events(integration, scene, engine, solver)
+        gap = EVENT_GAP_M[kind]
+        if solver == "DOPRI5":
+            gap = max(engine.event_gap * engine.step_tolerance, LEAST_GAP_M)
+        _locate_events(integration, scene, gap)
+        integration.minimumStepSize = SHORTEST_STEP_S[kind]
     if solver in IMPLICIT:
-        bound = engine.newton_tolerance or newton_bound(scene, solver, scene.end_time_s / steps)
-        _set_implicit(integration, engine, bound)
-    else:
-        _set_explicit(integration, solver)
-    if solver in ADAPTIVE:
+        bound = newton_bound(scene, forces, solver, scene.end_time_s / steps)
+        _set_implicit(integration, engine.spectral_radius, bound)
+        return settings
+    explicit = integration.explicit
+    explicit.useLieGroupIntegration = False  # there is none among planar coordinates
+    explicit.computeMassMatrixInversePerBody, explicit.eliminateConstraints = False, True
+    # The last stage of an embedded pair is at the step's end: its acceleration need not be computed again.
+    explicit.computeEndOfStepAccelerations = solver != "DOPRI5"
+    if solver == "DOPRI5":
         _set_adaptive(integration, engine, quickest_s(scene) / FEWEST_STEPS)
     return settings
 
 
-def newton_bound(scene: AnyScene, solver: str, step_s: float) -> float:
+def newton_bound(scene: AnyScene, forces: Forces, solver: str, step_s: float) -> float:
     """Return the increment, in m and rad, below which Newton's method need not go on in steps of a length.
 
     Powers are of the angle that the quickest body turns in a step. The first increment is of the second
@@ -107,7 +105,7 @@ def newton_bound(scene: AnyScene, solver: str, step_s: float) -> float:
     they need two iterations, in every step: a single one in some of them costs all their digits. In the
     generalized-alpha method an iteration doubles the power, and with ideal joints one is enough.
     """
-    turned = min(_quickest_rad_s(scene) * step_s, LARGEST_TURN_RAD)
+    turned = min(_quickest_rad_s(scene, forces) * step_s, LARGEST_TURN_RAD)
     # The norm of what the longest link moves and turns by where the shortest one turns by 1 rad.
     longest = max(levers_m(scene.mechanism))
     size = shortest_m(scene) * math.hypot(1.0, 1 / longest) if len(scene.mechanism.bodies) > 1 else 1.0
@@ -118,25 +116,28 @@ def newton_bound(scene: AnyScene, solver: str, step_s: float) -> float:
     return max(bound, LEAST_INCREMENT)
 
 
-def _quickest_rad_s(scene: AnyScene) -> float:
+def _quickest_rad_s(scene: AnyScene, forces: Forces) -> float:
     """Return how fast a body turns at the start, or is driven at the fastest; what is free may swing."""
-    of, motion, (_, velocity) = scene.mechanism, crank_motion(scene), start_state(scene)
-    if motion is not None:
-        speed = float(np.abs(motion.speed_rad_s(np.linspace(0.0, scene.end_time_s, SPEEDS))).max())
+    of = scene.mechanism
+    if of.drive.prescribes:
+        speed = float(np.abs(forces.motion(np.linspace(0.0, scene.end_time_s, SPEEDS))[1]).max())
         return speed if of.drive.guide is None else speed / lever_m(scene)
-    speed = float(np.abs(velocity[:, 2]).max())
+    speed = float(np.abs(start_state(scene)[1][:, 2]).max())
     if isinstance(of.drive.law, Motor):
         return speed
     return max(speed, math.sqrt(math.hypot(*of.gravity_m_s2) / lever_m(scene)))
 
 
-def _set_implicit(integration: exu.TimeIntegrationSettings, engine: ExudynSettings, bound: float) -> None:
-    """Set up the implicit methods and their Newton iteration, down to a bound on its increments."""
-    integration.generalizedAlpha.spectralRadius = engine.spectral_radius
+def _set_implicit(integration: exu.TimeIntegrationSettings, spectral_radius: float, bound: float) -> None:
+    """Set up the implicit methods and their Newton iteration, down to a bound on its increments.
+
+    A bound on residuals, which are forces, would not fit both a light mechanism and a heavy one. One Jacobian
+    is factorised a step: full Newton, and Jacobians kept over steps, are slower.
+    """
+    integration.generalizedAlpha.spectralRadius = spectral_radius
     integration.generalizedAlpha.computeInitialAccelerations = True
     newton = integration.newton
-    newton.useModifiedNewton = engine.modified_newton
-    newton.modifiedNewtonJacUpdatePerStep = True
+    newton.useModifiedNewton = newton.modifiedNewtonJacUpdatePerStep = True
     newton.residualMode = 1  # judge the increments, which asks for both tolerances to be the same
     newton.relativeTolerance = newton.absoluteTolerance = bound
     newton.maxIterations = 25
@@ -146,19 +147,8 @@ def _set_implicit(integration: exu.TimeIntegrationSettings, engine: ExudynSettin
     newton.numericalDifferentiation.minimumCoordinateSize = 1.0
 
 
-def _set_explicit(integration: exu.TimeIntegrationSettings, solver: str) -> None:
-    """Set up the explicit methods: no Lie group among planar coordinates, each step's last acceleration.
-
-    The last stage of an embedded pair is at the step's end: its acceleration need not be computed again.
-    """
-    explicit = integration.explicit
-    explicit.useLieGroupIntegration = False
-    explicit.computeEndOfStepAccelerations = solver not in ADAPTIVE
-    explicit.computeMassMatrixInversePerBody, explicit.eliminateConstraints = False, True
-
-
-def _set_adaptive(integration: exu.TimeIntegrationSettings, engine: ExudynSettings, first_s: float) -> None:
-    """Let an embedded Runge-Kutta pair choose its steps, up to the longest one.
+def _set_adaptive(integration: exu.TimeIntegrationSettings, engine: ExudynEngine, first_s: float) -> None:
+    """Let DOPRI5 choose its steps, up to the longest one.
 
     The tolerance is absolute, in m, rad, m/s and rad/s. A relative one counts the sign of the coordinate:
     it makes the error's scale zero at a negative value.
@@ -170,25 +160,17 @@ def _set_adaptive(integration: exu.TimeIntegrationSettings, engine: ExudynSettin
     integration.stepSizeMaxIncrease, integration.stepSizeSafety = GROWTH_ADAPTIVE, engine.step_safety
 
 
-def _set_events(
-    integration: exu.TimeIntegrationSettings, scene: AnyScene, engine: ExudynSettings, solver: str
-) -> None:
-    """Set up how a contact's switching is treated: steps that end on it, or steps as they come."""
-    kind = "implicit" if solver in IMPLICIT else "explicit"
-    locate, gap = engine.locate_events, EVENT_GAP_M[kind]
-    if solver in ADAPTIVE:
-        gap = max(engine.event_gap * engine.step_tolerance, LEAST_GAP_M)
-    integration.minimumStepSize = SHORTEST_STEP_S[kind]
-    integration.adaptiveStep = locate
+def _locate_events(integration: exu.TimeIntegrationSettings, scene: AnyScene, gap_m: float) -> None:
+    """Let steps end where contacts switch, as closely as a gap, and grow again."""
+    integration.adaptiveStep = True
     integration.adaptiveStepDecrease, integration.adaptiveStepIncrease = 0.5, GROWTH
     # Steps grow again at once, however many iterations the last one took.
     integration.adaptiveStepRecoverySteps, integration.adaptiveStepRecoveryIterations = 1, 1000
     switching = integration.discontinuous
-    switching.useRecommendedStepSize = locate
-    switching.maxIterations, switching.ignoreMaxIterations = 5, not locate
+    switching.useRecommendedStepSize, switching.ignoreMaxIterations = True, False
+    switching.maxIterations = 5
     # The switching error is the gap times the stiffness.
-    softest = min(stiffness_of(clearance) for clearance in scene.clearances.values())
-    switching.iterationTolerance = softest * gap if locate else 1.0
+    switching.iterationTolerance = gap_m * min(stiffness_of(wall) for wall in scene.clearances.values())
 
 
 def _tell_steps(mbs: exu.MainSystem, scene: AnyScene) -> list[BaseException]:

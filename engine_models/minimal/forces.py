@@ -249,7 +249,9 @@ def _damping_of(law: str, e: float) -> float:
 
 
 def _flat(states: FloatArray) -> FloatArray:
-    return np.ascontiguousarray(states.reshape(len(states), -1), dtype=np.float64)
+    return np.ascontiguousarray(
+        states.reshape(len(states), np.prod(states.shape[1:], dtype=int)), dtype=np.float64
+    )
 
 
 def solve_systems(

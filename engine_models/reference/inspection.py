@@ -1,21 +1,30 @@
 """What there is to know of a mechanism before it is run: rows and freedoms, start, singular positions."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.optimize import brentq
 
-from engine_models.engine import ImpossibleStart, RunSettings
+from engine_models.engine import ImpossibleStart, RunSettings, Trajectory
 from engine_models.mechanics.start_check import checked_start
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.general import placed_start
 from engine_models.scene.parts import AnyScene, GeneralParts
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.assembly import Joints, Rank, dependence
+from reference_solver.mechanism.data import GROUND, Pin
+
+FloatArray = NDArray[np.float64]
 
 #: Samples of the run at which the rows are looked at, and its tolerance.
 SAMPLES, TOLERANCE = 200, 1e-8
 #: Below this the smallest singular value says that a position is singular, or nearly so.
 SINGULAR = 1e-4
+#: Below this part of the largest rate a point is at rest, and its motion has no direction.
+AT_REST = 1e-9
 
 
 def inspect(scene: AnyScene) -> list[str]:
@@ -30,7 +39,10 @@ def inspect(scene: AnyScene) -> list[str]:
     rank, own = Joints(of).rank(q), Joints(replace(of, pins=of.ideal)).rank(q)
     if own.rank < own.rows:
         raise ImpossibleStart(f"start: {dependence(own)}")
-    return [_size(scene, rank), *_start(scene), *_singular(scene)]
+    engine = ReferenceEngine(method="dop853", step_tolerance=TOLERANCE)
+    run = engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
+    lines = [_size(scene, rank), *_start(scene), *_singular(scene, run)]
+    return lines + (_turning_points(scene, run) if rank.freedoms == 1 else [])
 
 
 def _size(scene: AnyScene, rank: Rank) -> str:
@@ -64,10 +76,8 @@ def _start(scene: AnyScene) -> list[str]:
     return [f"start: put together, {placed.moved} from what the file tells"]
 
 
-def _singular(scene: AnyScene) -> list[str]:
+def _singular(scene: AnyScene, run: Trajectory) -> list[str]:
     """Return the smallest singular value of the rows over a run, when, and of which joint."""
-    engine = ReferenceEngine(method="dop853", step_tolerance=TOLERANCE)
-    run = engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
     of = scene.mechanism
     joints = Joints(replace(of, pins=of.ideal), driven=of.drive.prescribes)
     ranks = [joints.rank(position.ravel()) for position in run.position]
@@ -80,3 +90,84 @@ def _singular(scene: AnyScene) -> list[str]:
         f"smallest singular value over {SAMPLES} samples of the run: {value:.3g} at t = {when:.6g} s "
         f"(row of {ranks[least].nearest}){near}"
     ]
+
+
+def _turning_points(scene: AnyScene, run: Trajectory) -> list[str]:
+    """Return dead centres, limit positions and the least transmission angle of a mechanism of one freedom.
+
+    The rows [B] leave one direction w of motion, [B] w = 0. Where a guided point, or a body that turns about
+    the ground, has no part in w it turns back: that is its dead centre. Where the turning body has no part in
+    w it can turn no further: that is its limit position.
+    """
+    of, joints, turning = scene.mechanism, Joints(scene.mechanism), scene.turning_body
+    if turning is None:
+        return []
+    place = CubicHermiteSpline(run.time_s, run.position, run.velocity)
+
+    def direction(time_s: float) -> FloatArray:
+        return np.asarray(np.linalg.svd(joints.matrix(place(time_s).ravel()))[2][-1])
+
+    rows = {f"dead centre of {guide.name}": k for k, guide in enumerate(of.guides)}
+    pinned = {pin.body_j for pin in of.pins if pin.body_i == GROUND} - {turning}
+    spins = {f"dead centre of {of.bodies[body].name}": body for body in sorted(pinned)}
+    spins[f"limit position of {of.bodies[turning].name}"] = turning
+
+    def parts(w: FloatArray, q: FloatArray) -> dict[str, float]:
+        ways = joints.way_rows(q) @ w if of.guides else ()
+        return {name: ways[k] for name, k in rows.items()} | {name: w[3 * k + 2] for name, k in spins.items()}
+
+    lines = []
+    sampled = [direction(time_s) for time_s in run.time_s]
+    for before, after in pairwise(sampled):
+        after *= np.sign(after @ before) or 1.0
+    values = [parts(w, q.ravel()) for w, q in zip(sampled, run.position, strict=True)]
+    for name in values[0]:
+        sizes = np.array([value[name] for value in values])
+        angles_deg = set[int]()
+        for k in np.flatnonzero(sizes[:-1] * sizes[1:] < 0).tolist():
+
+            def part(time_s: float, name: str = name, w: FloatArray = sampled[k]) -> float:
+                there = direction(time_s)
+                return parts(there * np.sign(there @ w), place(time_s).ravel())[name]
+
+            zero_s = brentq(part, run.time_s[k], run.time_s[k + 1])
+            angles_deg.add(round(10 * np.degrees(place(zero_s)[turning, 2])) % 3600)
+        if angles_deg:
+            at = ", ".join(f"{angle / 10:g}" for angle in sorted(angles_deg))
+            lines.append(f"{name} in the run: {of.bodies[turning].name} at {at} deg")
+    return lines + _transmission(scene, run, sampled)
+
+
+def _transmission(scene: AnyScene, run: Trajectory, directions: list[FloatArray]) -> list[str]:
+    """Return the least transmission angle of each coupler, a body of two pins between moving bodies.
+
+    It is 90 deg less the angle between the line of its pins and the motion of the pin that it drives.
+    """
+    of, lines = scene.mechanism, []
+    for body, data in enumerate(of.bodies):
+        own = [pin for pin in of.pins if body in (pin.body_i, pin.body_j)]
+        guided = any(body in (guide.body_i, guide.body_j) for guide in of.guides)
+        driving = [pin for pin in own if scene.turning_body in (pin.body_i, pin.body_j)]
+        if guided or len(own) != 2 or len(driving) != 1 or body == scene.turning_body:
+            continue
+        first, last = driving[0], own[1 - own.index(driving[0])]
+        least_deg, least_s = 90.0, 0.0
+        for time_s, position, w in zip(run.time_s, run.position, directions, strict=True):
+            arms = [_arm(position, pin, body) for pin in (first, last)]
+            line = arms[1] - arms[0]
+            x, y, spin = w[3 * body : 3 * body + 3]
+            motion = np.array([x - spin * arms[1][1], y + spin * arms[1][0]])
+            size = float(np.hypot(*motion) * np.hypot(*line))
+            if np.hypot(*motion) > AT_REST * np.abs(w).max():
+                angle_deg = float(np.degrees(np.arcsin(min(1.0, abs(line @ motion) / size))))
+                if angle_deg < least_deg:
+                    least_deg, least_s = angle_deg, time_s
+        lines.append(f"least transmission angle of {data.name}: {least_deg:.3g} deg at t = {least_s:.6g} s")
+    return lines
+
+
+def _arm(position: FloatArray, pin: Pin, body: int) -> FloatArray:
+    """Return where a pin is from the centre of mass of a body (2,) in the global frame."""
+    x, y = pin.point_i if pin.body_i == body else pin.point_j
+    c, s = np.cos(position[body, 2]), np.sin(position[body, 2])
+    return np.array([c * x - s * y, s * x + c * y])

@@ -15,7 +15,6 @@ DOCS = ROOT / "docs"
 PAGES = [
     path.relative_to(ROOT).as_posix()
     for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md")))
-    if "_build" not in path.parts
 ]
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
 

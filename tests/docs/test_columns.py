@@ -23,7 +23,7 @@ SCENES = {
 }
 LOADED = {"force_N": -1.0, "viscous_N_s_m": 1.0, "spring_N_m": 10.0, "free_position_m": 0.1}
 END_S, STEP_S = 1e-4, 2e-5
-PAGE = "docs/reference/columns.md"
+PAGE = "docs/columns.md"
 #: Columns that rows of the full set alone have, which is not published.
 OF_THE_FULL_SET = {
     "crank_angle_{error,uncertainty,scale,model_difference}_rad",
@@ -92,9 +92,9 @@ def test_the_columns_of_a_mechanism_are_on_the_page_and_no_others() -> None:
 def test_the_columns_of_published_rows_are_those_on_the_page() -> None:
     """Joints, directions, loads and limits stand for each other; some have no row of theirs."""
     published = {name for study in STUDIES for row in published_rows(PUBLISHED, study) for name in row}
-    known = set(names("docs/reference/rows.md", "column"))
+    known = set(names("docs/rows.md", "column"))
     assert {name for name in published if not name.startswith("setting_")} - known == set()
-    cells = " ".join(row["column"] for row in table("docs/reference/rows.md", "column"))
+    cells = " ".join(row["column"] for row in table("docs/rows.md", "column"))
     patterns = re.findall(r"`([^`]+)`", cells)
     unseen = {p for p in patterns if p != "setting_*" and not published & set(written_out(p))}
     assert unseen <= OF_THE_FULL_SET

@@ -14,8 +14,7 @@ SOURCE = re.compile(
     r"\b([A-Z][a-z]+)(?:(?:, [A-Z][a-z]+)*,? and ([A-Z][a-z]+)| et al\.)?,? \(?(1[89]\d\d|20[012]\d)\b"
 )
 LITERATURE = [
-    " ".join(entry.split())
-    for entry in (DOCS / "reference" / "literature.md").read_text(encoding="utf-8").split("\n- ")
+    " ".join(entry.split()) for entry in (DOCS / "literature.md").read_text(encoding="utf-8").split("\n- ")
 ]
 
 

@@ -62,7 +62,7 @@ def follow(block: Block, page: str, names: dict[str, object]) -> None:
     elif block.language == "yaml":
         assert yaml.safe_load(block.text), where
     else:
-        assert block.language == "text" or block.language.startswith("{"), f"{where}: {block.language}"
+        assert block.language == "text", f"{where}: {block.language}"
 
 
 def _commands(text: str, prompt: str) -> list[tuple[str, list[str]]]:

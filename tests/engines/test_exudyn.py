@@ -1,8 +1,6 @@
-"""What only Exudyn has: its law of contact, trees and constraints, drives by offsets, solvers and builds."""
+"""What only Exudyn has: its law of contact, trees and constraints, drives by offsets, and its solvers."""
 
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -11,8 +9,16 @@ import exudyn as exu
 import numpy as np
 import pytest
 
-from engine_models.engine import FloatArray, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
-from engine_models.exudyn.contact_law import native_law
+from engine_models.engine import (
+    EngineFailed,
+    FloatArray,
+    RunSettings,
+    SimulationFailed,
+    Trajectory,
+    UnsupportedScene,
+)
+from engine_models.exudyn import solver as solvers
+from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.exudyn.model import build_model
 from engine_models.exudyn.solver import silence
@@ -28,7 +34,7 @@ from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
 from studies.judges.metrics import errors as crank_slider_errors
 from tests.engines.mechanism_texts import V_TWIN
 from tests.engines.mechanism_texts import scene as mechanism
-from tests.engines.runs import errors
+from tests.engines.runs import errors, largest_of_kind
 from tests.scenes import scene
 from tests.studies.truth.closed_forms.crank_slider import exact
 
@@ -183,9 +189,10 @@ def test_a_tree_is_sharp(name: str) -> None:
     of = TREES[name]()
     found = run(of, of.end_time_s / SAMPLES, step_tolerance=1e-12, solver="DOPRI5")
     # Measured up to 9e-11 of motions, 2e-6 of forces, 1e-9 of works and 4e-11 J.
-    bounds = {"position": 1e-9, "velocity": 1e-7, "work": 1e-7}
+    bounds, sizes = {"position": 1e-9, "velocity": 1e-7, "work": 1e-7}, largest_of_kind(sharp(of))
     for kind, error in errors(found, sharp(of)).items():
-        assert error < bounds.get(kind.split()[0], 2e-5), f"{kind}: {error:.1e}"
+        zero = error * sizes[kind] < 1e-14  # of a moment that is none
+        assert zero or error < bounds.get(kind.split()[0], 2e-5), f"{kind}: {error:.1e}"
     assert np.abs(energy_balance_residual_J(of, found)).max() < 1e-9
 
 
@@ -287,11 +294,15 @@ SOLVERS = {"TrapezoidalIndex2": 1.05, "GeneralizedAlpha": 2.0}
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("steps", [100, 1000])
-def test_the_fewest_iterations_cost_no_digit_of_motion_or_forces(solver: Any, steps: int) -> None:
+def test_the_fewest_iterations_cost_no_digit_of_motion_or_forces(
+    solver: Any, steps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for of in (until(ideal_free(), 0.1), until(ideal_driven(), 0.012)):
         step_s, true = of.end_time_s / steps, exact(of, SAMPLES)
-        settled = crank_slider_errors(of, run(of, step_s, solver=solver, newton_tolerance=1e-12), true)
         fewest = crank_slider_errors(of, run(of, step_s, solver=solver), true)
+        with monkeypatch.context() as bound:
+            bound.setattr(solvers, "newton_bound", lambda *_: 1e-12)
+            settled = crank_slider_errors(of, run(of, step_s, solver=solver), true)
         for signal in ("slider_position_error_m", "joint_O_force_error_N", "joint_B_force_error_N"):
             # Prescribed positions are exact but for what Newton's method leaves.
             worst = settled[signal].max()
@@ -301,29 +312,54 @@ def test_the_fewest_iterations_cost_no_digit_of_motion_or_forces(solver: Any, st
 # Failures, and what Exudyn leaves in its process.
 
 
-def change_point() -> Scene:
-    """Equal links: at 90 and 270 degrees slider and crank pivot coincide and the joints leave two ways on.
+@cache
+def double_four_bar() -> AnyScene:
+    """Three bars of 1 m on three pins of the ground, coupled by two more: singular as all lie on a line."""
+    ends = {"a0": "O0 P", "b0": "P Q", "a1": "O1 Q", "b1": "Q U", "a2": "O2 U"}
+    bars = [
+        f"[body.{name}]\npins_m = {{ {pins.split()[0]} = 0.0, {pins.split()[1]} = 1.0 }}\nmass_kg = 1.0\n"
+        "inertia_kg_m2 = 0.08333333333333333\ncentre_of_mass_m = 0.5\n"
+        for name, pins in ends.items()
+    ]
+    return mechanism(
+        """
+name = "double-four-bar"
+end_time_s = 3.0
+gravity_m_s2 = 9.81
+observe = "P.x"
+drive.kind = "free"
+ground.pins_m = { O0 = [0.0, 0.0], O1 = [1.0, 0.0], O2 = [2.0, 0.0] }
+[start]
+angle_rad = { a0 = "90 deg", b0 = 0.0, a1 = "90 deg", b1 = 0.0, a2 = "90 deg" }
+speed_rad_s = { a0 = -1.0 }
+"""
+        + "".join(bars)
+    )
 
-    At steps of 50 us and less the default solver stops at 270 degrees; what it does at longer ones is chance.
-    """
-    of = ideal_free()
-    return until(of.replace("rod.length_m", of.crank.length_m), 0.1)
+
+def test_where_the_trapezoidal_rule_gives_up_generalized_alpha_goes_on() -> None:
+    of = double_four_bar()
+    with pytest.raises(
+        EngineFailed, match=r"failed at t = 2\.65.*solver = GeneralizedAlpha may come through"
+    ):
+        run(of, 1e-3)
+    passed = run(of, 1e-3, solver="GeneralizedAlpha")
+    # The bars stay parallel: one pendulum, whose energy is conserved.
+    np.testing.assert_allclose(passed.position[:, 1, 2], 0.0, atol=1e-6)
+    assert np.abs(energy_balance_residual_J(of, passed)).max() < 3e-3, "measured 1.3e-3 J, of 40 J"
 
 
 @pytest.mark.parametrize(
     ("of", "step_s", "settings", "words"),
     [
-        (change_point(), 1e-5, {}, "Exudyn"),
-        # Forces exceed the range of doubles: Exudyn reports success and infinities.
-        (until(ideal_free().replace("slider.mass_kg", 1e306), 1e-3), 1e-5, {}, "non-finite"),
-        (until(DRIVEN, 0.005), 2e-4, {"solver": "TrapezoidalIndex2", "locate_events": False}, "Exudyn"),
+        (double_four_bar(), 1e-3, {}, "Exudyn"),
         # DOPRI5 would try one step again and again if it had a shortest one.
         (until(FREE, 0.05, crank_speed_rad_s=1e6), 1e-3, {"timeout_s": 0.5}, "not finished after 0.5 s"),
     ],
-    ids=["change-point", "infinite", "no-switching", "steps-without-end"],
+    ids=["singular", "steps-without-end"],
 )
 def test_a_run_that_breaks_down_says_when_and_why_and_leaves_exudyn_as_it_was(
-    of: Scene,
+    of: AnyScene,
     step_s: float,
     settings: dict[str, Any],
     words: str,
@@ -348,31 +384,3 @@ def test_a_start_with_an_open_ideal_joint_is_refused() -> None:
     position[0, 0] += 1e-6
     with pytest.raises(SimulationFailed, match=r"open by 1e-06 m at t = 0 s"):
         run(started_from(of, position, velocity), 1e-3)
-
-
-def test_the_fast_build_computes_the_same_in_a_process_of_its_own_and_prints_nothing() -> None:
-    of = by_table(14)
-    code = f"""
-from engine_models.engine import RunSettings, UnsupportedScene
-from engine_models.exudyn.engine import ExudynEngine
-from engine_models.scene.library import clearance_driven_05
-from engine_models.scene.scene import Scene
-for scene in (clearance_driven_05().replace("end_time_s", 1e-3),
-              Scene.model_validate_json('''{of.model_dump_json()}''')):
-    run = ExudynEngine(fast=True).simulate(scene, RunSettings(1e-5, 10))
-    print(run.position[-1, -1, 0].hex(), run.driver_work_J[-1].hex())
-try:
-    ExudynEngine(fast=False).check(scene)
-except UnsupportedScene as refusal:
-    assert "without range checks" in str(refusal)
-else:
-    raise AssertionError("a process has one build")
-"""
-    command = [sys.executable, "-W", "error", "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    for line, each in zip(done.stdout.splitlines(), (until(DRIVEN, 1e-3), of), strict=True):
-        here = run(each, 1e-5, 10)
-        assert here.driver_work_J is not None
-        own = [float.fromhex(number) for number in line.split()]
-        assert own == pytest.approx([here.position[-1, -1, 0], here.driver_work_J[-1]], rel=1e-9)

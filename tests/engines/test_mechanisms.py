@@ -17,7 +17,15 @@ from engine_models.scene.general import GeneralScene
 from engine_models.scene.library import IDEAL_SCENES, clearance_pendulum
 from engine_models.scene.parts import Place
 from engine_models.scene.scene import Scene
-from tests.engines.mechanism_texts import FOUR_BAR, PARALLELOGRAM, QUICK_RETURN, TEXTS, WALL, scene
+from tests.engines.mechanism_texts import (
+    FOUR_BAR,
+    OFFSET_CRANK_SLIDER,
+    PARALLELOGRAM,
+    QUICK_RETURN,
+    TEXTS,
+    WALL,
+    scene,
+)
 from tests.engines.runs import run
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
@@ -171,7 +179,7 @@ SIZES = {
 @pytest.mark.parametrize("name", SIZES)
 def test_check_counts_rows_and_freedoms_and_tells_what_it_moved(name: str) -> None:
     of = general(TEXTS[name])
-    size, start, least = inspect(of)
+    size, start, least, *_ = inspect(of)
     assert size == f"{of.name}: {SIZES[name]}, 1 degree of freedom"
     moved = np.abs(start_state(of)[0][:, 2] - [of.start.angle_rad.get(body, 0.0) for body in of.body])
     most = int(moved.argmax())
@@ -184,7 +192,7 @@ def test_check_counts_rows_and_freedoms_and_tells_what_it_moved(name: str) -> No
 
 def test_check_finds_when_a_parallelogram_is_flat() -> None:
     def least(end_s: float) -> tuple[float, float]:
-        line = inspect(scene(PARALLELOGRAM, end_time_s=end_s))[-1]
+        line = inspect(scene(PARALLELOGRAM, end_time_s=end_s))[2]
         found = re.search(r"run: (\S+) at t = (\S+) s", line)
         assert found is not None
         return float(found[1]), float(found[2])
@@ -252,6 +260,44 @@ def test_a_leg_too_many_runs_where_it_has_clearance() -> None:
     of = scene(text + f"[clearance.M]{WALL}", end_time_s=0.2)
     assert inspect(of)[0].endswith("12 rows of rank 11 (with M taken as ideal), 1 degree of freedom")
     kept(of)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            OFFSET_CRANK_SLIDER,  # crank and rod in line; the rod farthest from the guide's direction
+            {
+                "dead centre of guide": [
+                    np.degrees(0.3 + np.arcsin(0.02 / 0.17)),
+                    np.degrees(0.3 + np.pi + np.arcsin(0.02 / 0.07)),
+                ],
+                "least transmission angle": [np.degrees(np.arccos(0.07 / 0.12))],
+            },
+        ),
+        (
+            FOUR_BAR,  # by the law of cosines
+            {
+                "dead centre of rocker": [
+                    np.degrees(np.arccos((0.35**2 + 0.28**2 - 0.2**2) / (2 * 0.35 * 0.28))),
+                    np.degrees(np.pi + np.arccos((0.15**2 + 0.28**2 - 0.2**2) / (2 * 0.15 * 0.28))),
+                ],
+                "least transmission angle": [
+                    np.degrees(np.arccos((0.25**2 + 0.2**2 - 0.18**2) / (2 * 0.25 * 0.2)))
+                ],
+            },
+        ),
+    ],
+)
+def test_dead_centres_and_transmission_angles_are_those_of_geometry(
+    text: str, expected: dict[str, list[float]]
+) -> None:
+    """Angles are told to 0.1 deg, and the least one is of 200 samples of a turn or more."""
+    lines = inspect(scene(text))
+    for name, angles_deg in expected.items():
+        (line,) = [each for each in lines if each.startswith(name)]
+        told = [float(each) for each in re.findall(r"[\d.]+(?=, |(?: deg))", line.partition(": ")[2])]
+        assert told == pytest.approx(angles_deg, abs=0.1), line
 
 
 def test_a_pin_may_be_called_drive_and_a_body_spring() -> None:

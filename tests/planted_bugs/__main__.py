@@ -34,7 +34,7 @@ else:
 ROOT = Path(__file__).parents[2]
 FORK = get_context("fork")
 #: What takes longer to import than most bugs to catch: pytest runs in copies of a process that has it. Not
-#: Exudyn, of which some tests choose the build.
+#: Exudyn, of which a process has the build that it loads first.
 LIBRARIES = (
     *("numpy", "pandas", "numba", "matplotlib.figure", "matplotlib.backends.backend_agg", "scipy.integrate"),
     *("scipy.stats", "scipy.interpolate", "hypothesis", "jinja2", "pydantic", "pymunk", "rich.progress"),

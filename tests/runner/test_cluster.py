@@ -39,8 +39,6 @@ def client(local: LocalCluster) -> Iterator[Client]:
 
 def test_a_cluster_gives_the_rows_that_processes_give(local: LocalCluster, tmp_path: Path) -> None:
     cases = [case("simulate", 4, engine=engine) for engine in ENGINES]
-    # A process has room for one of Exudyn's builds.
-    cases += [case("simulate", number, engine="exudyn", fast=number % 2 == 0) for number in range(12, 16)]
     with Pool(2) as pool, Cluster(local.scheduler_address) as workers:
         here = run_in(tmp_path / "here", cases, pool)
         there = run_in(tmp_path / "there", cases, workers)

@@ -1,40 +1,15 @@
-"""Files and folders are there whole or not at all; what a kill leaves is no obstacle and does not stay."""
+"""Files and folders are there whole or not at all."""
 
-import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
-from studies.whole_file import LEFT_S, require_place, whole_file, whole_folder
+from studies.whole_file import whole_folder
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal
-
-
-def test_two_writers_of_one_file_do_not_meet(tmp_path: Path) -> None:
-    """A container numbers its processes anew, so that two may have one number: here they have."""
-    with whole_file(tmp_path / "a.csv") as one, whole_file(tmp_path / "a.csv") as other:
-        one.write(b"one")
-        other.write(b"other")
-    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("a.csv", b"one")]
-
-
-def test_what_a_kill_left_goes_and_what_another_still_writes_stays(tmp_path: Path) -> None:
-    place, long_ago = tmp_path / "a[1].csv", time.time() - LEFT_S - 1
-    with whole_file(place) as file:
-        (written,) = tmp_path.iterdir()
-        for name in (f".{place.name}.{'0' * 16}.new", f".{place.name}.new", ".mine.new"):
-            (tmp_path / name).touch()
-            os.utime(tmp_path / name, (long_ago, long_ago))
-        require_place(place)
-        assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
-            [".a[1].csv.new", ".mine.new", written.name]
-        )
-        file.write(b"content")
-    assert place.read_bytes() == b"content"
 
 
 def test_a_run_that_is_killed_leaves_nothing(tmp_path: Path) -> None:

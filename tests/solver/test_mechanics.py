@@ -7,7 +7,7 @@ import pytest
 
 from engine_models import arms
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory
-from engine_models.exudyn.contact_law import native_law
+from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.motion import integral
 from engine_models.mechanics.contact_law import LawNumbers, friction_force, normal_force, stiffness_of
 from engine_models.mechanics.crank_motion import crank_motion

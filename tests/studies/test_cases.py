@@ -9,8 +9,8 @@ from engine_models.pymunk.engine import PymunkEngine
 from studies.case import Case, load_study
 from studies.registry import STUDIES
 
-#: What a study may add to an arm beside its tolerances: it resolves contacts, or is only a build.
-RESOLVING = {"sweeps_leave", "steps_per_contact", "fast"}
+#: What a study may add to an arm beside its tolerances: it resolves contacts.
+RESOLVING = {"sweeps_leave", "steps_per_contact"}
 CATALOGUE = [arm for arm in vars(arms).values() if isinstance(arm, Arm)]
 
 
