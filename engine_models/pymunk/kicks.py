@@ -28,8 +28,8 @@ ROUNDING = 1e-6
 #: What ``look_ahead`` returns: nothing but loads and the space's gravity acts; weights are to act for
 #: another time than the step; a pin touches; and from here on the number of a pin that is through its wall.
 NOTHING, LONGER, TOUCHING, THROUGH = range(4)
-#: What ``account`` goes by: the change of velocities; the state; or the state, of a mechanism whose joints see
-#: no curvature of their paths yet.
+#: What ``account`` goes by: the change of velocities; the state; or the state, with joints that see no
+#: curvature of their paths yet.
 KNOWN, CURVED, STRAIGHT = range(3)
 
 
@@ -45,7 +45,9 @@ def touches_within(e: FloatArray, q: FloatArray, v: FloatArray, time_s: float) -
     _, _, _, _, dx, dy, vx, vy = eq.apart(q, v, e)
     inside = e[eq.C] * e[eq.C] - dx * dx - dy * dy
     # |d|^2 grows by |d'|^2 t^2 + 2 d.d' t, which is largest at one end of the time.
-    return inside <= max(0.0, (vx * vx + vy * vy) * time_s * time_s + 2.0 * (dx * vx + dy * vy) * time_s)
+    return bool(
+        inside <= max(0.0, (vx * vx + vy * vy) * time_s * time_s + 2.0 * (dx * vx + dy * vy) * time_s)
+    )
 
 
 @entry

@@ -129,10 +129,10 @@ class Loop:
     def positions(self) -> FloatArray:
         """Return the positions (bodies, 3) of the centres of mass."""
         self.account(kicks.KNOWN)
-        return self.q.reshape(-1, 3).copy()
+        return np.array(self.q.reshape(-1, 3))
 
     def account(self, given: int) -> None:
-        """Find what a kick was, and reactions in it; the shortest where rows depend, as in a flat position."""
+        """Find what a kick was, and its reactions; the shortest where rows depend, as in a flat position."""
         bodies = (self.before, self.state, self.rows, self.model.origin)
         found = self.q, self.v, self.a, self.told, self.powers, self.multipliers, self._matrix, self._right
         kicks.account(self.forces.p, self.plan, given, *bodies, *found)

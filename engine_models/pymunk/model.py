@@ -19,13 +19,18 @@ IMMOVABLE_KG = 2.0**100
 ON_LINE, GROOVE = 1e-9, 1e3
 
 
+#: What sweeps may leave of an open joint at the start, how many times as many there are on the way, and at
+#: least and at most.
+LEFT_OVER, ON_THE_WAY, LEAST_SWEEPS, MOST_SWEEPS = 0.2, 4.0, 100, 2000
+
+
 @dataclass(frozen=True)
 class Model:
-    """A space with the bodies of a mechanism at rest in its start, and their joints.
+    """A space with the bodies of a mechanism in its start, their joints, and the mechanism's numbers.
 
     ``origin`` (bodies, 2) is the way from each body's centre of mass to its origin in the space, in the
     body's axes: a body that is moved about a pin of the ground, or turns about it as one with it, has it
-    there. ``forces`` has the mechanism's numbers. ``lift_N`` (bodies, 2) is what takes the space's gravity back where a weight is given as a load.
+    there. ``lift_N`` (bodies, 2) is what takes the space's gravity back where a weight is given as a load.
     """
 
     forces: Forces
@@ -94,6 +99,32 @@ def build(scene: AnyScene, position: FloatArray, all_joints: bool) -> Model:
         joint.collide_bodies = False
     space.add(*bodies, *joints)
     return model
+
+
+def sweeps_of(forces: Forces, position: FloatArray) -> int:
+    """Return how many Gauss-Seidel sweeps over its joints a mechanism is given in a step.
+
+    A sweep gives each joint in turn the impulse that closes it. What it leaves open of all joints is G times
+    what was open before, with G = -(D + L)^-1 U of the joints' matrix J M^-1 J^T = L + D + U, and n sweeps
+    leave rho^n, rho the largest eigenvalue of G. On its way rho is larger than at the start: n is up to 4.3
+    times as large in a quick return, 1.9 times in Andrews' squeezer and 1.3 times in a crank-slider.
+    """
+    of, still = forces.of, _not_turning(forces.of)
+    mobility = 1.0 / forces.masses
+    for body in range(len(of.bodies)):
+        mobility[body] *= [not is_kinematic(of, body)] * 2 + [body not in still]
+    sizes = [2] * len(of.ideal) + [1] * sum(1 if guide.turns else 2 for guide in of.guides)
+    rows = forces.unit_reactions(position[None])[0, : sum(sizes)]
+    matrix, joint = rows * mobility.ravel() @ rows.T, np.repeat(np.arange(len(sizes)), sizes)
+    moves = np.flatnonzero(np.diag(matrix) > 0.0)
+    matrix, done = matrix[np.ix_(moves, moves)], joint[moves, None] >= joint[moves]
+    try:
+        sweep = np.linalg.pinv(np.where(done, matrix, 0.0)) @ np.where(done, 0.0, matrix)
+        rate = float(np.abs(np.linalg.eigvals(sweep)).max(initial=0.0))
+    except np.linalg.LinAlgError:  # no number, or one too large
+        rate = 1.0
+    needed = ON_THE_WAY * math.log(LEFT_OVER) / math.log(rate) if 0.0 < rate < 1.0 else MOST_SWEEPS * rate
+    return int(min(max(needed, LEAST_SWEEPS), MOST_SWEEPS))
 
 
 def is_kinematic(of: MechanismData, body: int) -> bool:
