@@ -18,14 +18,12 @@ if TYPE_CHECKING:
     from crankslider.library import __version__ as __version__
     from crankslider.library import compare, load, scenes, simulate, sweep, truth
     from crankslider.run import Run
-    from engine_models.scene.general import GeneralScene
     from engine_models.scene.scene import Scene
     from studies.failures import BadInput, Failed
 
 __all__ = [
     "BadInput",
     "Failed",
-    "GeneralScene",
     "Run",
     "Scene",
     "compare",

@@ -22,7 +22,7 @@ from studies.registry import STUDIES
 
 if TYPE_CHECKING:
     from crankslider.run import Run
-    from engine_models.scene.parts import AnyScene
+    from engine_models.scene.scene import Scene
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -37,6 +37,8 @@ app = Typer(
 INTERRUPTED = 130
 #: Time between lines on the progress of a simulation, in s.
 LINE_S = 10.0
+#: The part of a run that tells which columns its table will have.
+SHORT = 1e-6
 #: Whose functions no interrupt may leave: LLVM calls them, and goes on with half a result. It comes again.
 UNBREAKABLE, AGAIN_S = "llvmlite.", 0.01
 
@@ -111,14 +113,14 @@ def about(
 @app.command()
 def scenes(as_json: Json = False) -> None:
     """List the scenes of the library."""
-    from engine_models.scene.library.mechanisms import ALL_SCENES
+    from engine_models.scene.library import ALL_SCENES
 
     rows = []
     for name, make in ALL_SCENES.items():
         scene = make()
         joints = ", ".join(scene.joints_with_clearance) or "none"
         about = (make.__doc__ or "").partition("\n")[0]
-        rows.append((name, scene.driven_by.kind, joints, f"{scene.end_time_s:g} s", about))
+        rows.append((name, scene.drive.kind, joints, f"{scene.end_time_s:g} s", about))
     _print_rows(("scene", "drive", "clearance", "end time", "about"), rows, as_json)
 
 
@@ -132,7 +134,7 @@ def engines(
 
     from engine_models.engine import UnsupportedScene
     from engine_models.engines import ENGINES, engine_class, make_engine
-    from engine_models.scene.library.mechanisms import ALL_SCENES
+    from engine_models.scene.library import ALL_SCENES
     from engine_models.scene.plain_words import expectation, fields, shown, unknown
 
     if name is not None and name not in ENGINES:
@@ -240,7 +242,7 @@ def simulate(
 ) -> None:
     """Run a scene; write motion, forces and energy as a table, on request impacts, a figure, an animation."""
     from crankslider import library
-    from crankslider.run import FILMS, PICTURES, require_file
+    from crankslider.run import FILMS, PICTURES, factor, require_file
 
     physics = _scene(scene, changes, end)
     if exaggerate is not None and animate is None:
@@ -252,17 +254,20 @@ def simulate(
     given = _assigned("set", "KEY=VALUE", settings)
     numbers: Numbers = {"step": step, "tolerance": tolerance, "samples": samples, "start": start}
     film: Numbers = {} if exaggerate is None else {"exaggerate": exaggerate}
+    times, columns = factor(**film), tuple(plot_columns.split(",")) if plot_columns else ()
+    if columns:  # those of a run of no length
+        short = physics.replace("end_time_s", SHORT * physics.end_time_s)
+        library.simulate(short, engine, settings=given, samples=1).require_columns(columns)
     with _progress(physics.end_time_s):
         run = library.simulate(physics, engine, settings=given, **numbers)
         if out is None and not (impacts or plot or animate or quiet):
             out = Path("-")
-        columns = tuple(plot_columns.split(",")) if plot_columns else ()
-        run.write(out, impacts, plot, animate, columns, **film)
+        run.write(out, impacts, plot, animate, columns, times)
     _tell(run)
 
 
 def _require_tables(
-    scene: str, changes: Any, physics: "AnyScene", out: Path | None, impacts: Path | None
+    scene: str, changes: Any, physics: "Scene", out: Path | None, impacts: Path | None
 ) -> list[Path]:
     """Refuse tables that cannot be written, and return what no other file may be: they and the scene's."""
     from crankslider.run import TABLES, require_file
@@ -364,7 +369,7 @@ def sweep(
     physics = _scene(scene, changes)
     swept = library.sweep(physics, ranges, engine, settings=given, scheduler=scheduler, out=out, **numbers)
     if plot is not None:
-        from reports.plots.picture import picture_bytes
+        from reports.look import picture_bytes
 
         with writing("plot", plot):
             write_whole(plot, picture_bytes(swept.plot(show), plot.suffix.lower()))
@@ -513,18 +518,12 @@ def report(
 ) -> None:
     """Write the HTML page, its figures as SVG and its tables as CSV from results, and print the answer."""
     from reports.contents import CHAPTERS
-    from reports.page import (
-        Contradiction,
-        compare_claims,
-        read_claims,
-        require_replaceable,
-        write_report,
-    )
+    from reports.page import Contradiction, read_claims, require_replaceable, write_report
     from studies.whole_file import require_folder, whole_folder
 
     try:
         before = None if against is None else read_claims(against)
-    except (OSError, ValueError) as reason:
+    except (OSError, ValueError, LookupError, TypeError) as reason:
         raise BadInput(f"against: expected the folder of a report, got '{reason}'") from None
     try:
         with writing("out", out):
@@ -539,11 +538,13 @@ def report(
     if before is None:
         print("\n".join(made.answer))
     else:
-        print(compare_claims(before, read_claims(out)).to_string())
+        from pandas import DataFrame
+
+        print(DataFrame({"before": before, "after": read_claims(out)}).fillna("–").to_string())
     log.info(f"the report is {out / 'index.html'}")
 
 
-def _scene(scene: str, changes: Sequence[str] | None, end: str | None = None) -> "AnyScene":
+def _scene(scene: str, changes: Sequence[str] | None, end: str | None = None) -> "Scene":
     from crankslider.library import read_scene
 
     numbers: Numbers = {"end": end}

@@ -7,10 +7,9 @@ from pathlib import Path
 from crankslider.run import Comparison, Run
 from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import make_engine
-from engine_models.scene.parts import AnyScene
-from reports.comparison.sentences import not_run
-from reports.comparison.standing import Standings
+from engine_models.scene.scene import Scene
 from reports.results import Results, read_study
+from reports.standings import Standings
 from studies.case import Case, provenance
 from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, Question, ask, cases
 from studies.failures import BadInput, Failed, progress_console, writing
@@ -24,7 +23,7 @@ SHOWN_SAMPLES = 400
 
 
 def compare_engines(
-    scene: AnyScene,
+    scene: Scene,
     given: str,
     engines: Collection[str],
     folder: Path,
@@ -50,11 +49,11 @@ def compare_engines(
         standings = Standings.of(results.rows)
         _require_a_run(standings)
         chosen = standings.chosen
-        run = _shown(wanted[str(standings.rows["case"][chosen.row])], pool) if chosen else None
+        run = _shown(wanted[str(standings.rows["case"][chosen.Index])], pool) if chosen else None
     return Comparison(scene, results, run, given)
 
 
-def _question(scene: AnyScene, error: float | None, signal: str | None, pool: Pool) -> Question:
+def _question(scene: Scene, error: float | None, signal: str | None, pool: Pool) -> Question:
     try:
         with progress_console().status(f"reference solution of {scene.name}"):
             return pool.run(ask, scene, error, signal, limit_s=TRUTH_LIMIT_S)
@@ -75,7 +74,7 @@ def _require_a_run(standings: Standings) -> None:
     recorded = standings.recorded
     if (recorded["status"] == "ok").any():
         return
-    reasons = " ".join(not_run(standings))
+    reasons = " ".join(standings.not_run)
     if (recorded["status"] == "unsupported").all():
         raise BadInput(f"engine: expected one that can run this scene, got: {reasons}")
     raise Failed(f"no engine finished a run of this scene: {reasons}")

@@ -25,11 +25,9 @@ from engine_models.engine import (
 )
 from engine_models.engines import engine_class, join
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
-from engine_models.scene.data import NonNegative, Positive
 from engine_models.scene.file import load as load_scene
-from engine_models.scene.general import GeneralScene
-from engine_models.scene.library.mechanisms import ALL_SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.format import NonNegative, Positive
+from engine_models.scene.library import ALL_SCENES
 from engine_models.scene.plain_words import (
     expect,
     no_numbers,
@@ -49,14 +47,10 @@ if TYPE_CHECKING:
 __version__ = version("crankslider")
 
 #: The scenes of the library by name.
-scenes: Mapping[str, Scene | GeneralScene] = MappingProxyType(
-    {name: make() for name, make in ALL_SCENES.items()}
-)
+scenes: Mapping[str, Scene] = MappingProxyType({name: make() for name, make in ALL_SCENES.items()})
 
 #: A scene as users may give one, and what else they type.
-SomeScene = Annotated[
-    InstanceOf[AnyScene] | str | Path, expect(f"{one_of(list(ALL_SCENES))}, or a TOML file")
-]
+SomeScene = Annotated[InstanceOf[Scene] | str | Path, expect(f"{one_of(list(ALL_SCENES))}, or a TOML file")]
 Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES), in_words()]
 Jobs = Annotated[int, Field(ge=1, le=1000), in_words()]
 #: What runs in all engines, in reference solutions and in studies.
@@ -66,7 +60,7 @@ SHORTEST_STEP_PART = 1e-12
 
 
 @check_arguments
-def load(path: Place) -> Scene | GeneralScene:
+def load(path: Place) -> Scene:
     """Return the scene in a TOML file.
 
     Raises:
@@ -78,7 +72,7 @@ def load(path: Place) -> Scene | GeneralScene:
 @check_arguments
 def read_scene(
     scene: SomeScene, changes: Mapping[str, object] | None = None, end: Seconds | None = None
-) -> AnyScene:
+) -> Scene:
     """Return a library scene by its name, the scene in a TOML file, or a scene itself, with changes.
 
     ``changes`` are values of fields by their paths, ``end`` is another end time in s. A scene is checked
@@ -88,7 +82,7 @@ def read_scene(
         BadInput: there is no such scene, or it is refused.
     """
     changes = {**(changes or {}), **({} if end is None else {"end_time_s": end})}
-    if isinstance(scene, AnyScene):
+    if not isinstance(scene, str | Path):
         own = scene
     elif (name := str(scene)) in ALL_SCENES:
         own = scenes[name]
@@ -250,7 +244,7 @@ def compare(
         return compare_engines(physics, given, engines, place, pool, error, signal)
 
 
-def comparison_folder(scene: AnyScene) -> Path:
+def comparison_folder(scene: Scene) -> Path:
     """Return the default folder of a scene's comparison."""
     return Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", scene.name))
 
@@ -377,7 +371,7 @@ def verdicts_on(engine: str) -> "Iterator[Verdict]":
     return verdicts(chosen)
 
 
-def verdicts_on_file(table: Path, scene: AnyScene) -> "Iterator[Verdict]":
+def verdicts_on_file(table: Path, scene: Scene) -> "Iterator[Verdict]":
     """Return the verdicts on a table that another solver made of a scene, by the names of its columns.
 
     Its times ``time_s`` are equally spaced from 0 on, since the reference solution is sampled so.

@@ -20,7 +20,7 @@ from engine_models.kernels import FolderRefused
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.library import SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.failures import BadInput, Failed
 from studies.judges.converged_truth import INDEPENDENT, TRUE, converged, followed, solved, truth_by
 from studies.judges.metrics import COVERAGE
@@ -30,7 +30,7 @@ from studies.settings import END_S
 SAMPLES, DIGITS = 120, "%.14g"
 
 
-def reference_solution(scene: AnyScene, samples: int) -> TrueRun:
+def reference_solution(scene: Scene, samples: int) -> TrueRun:
     """Return the reference solution of a scene.
 
     Raises:

@@ -18,10 +18,9 @@ from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
 from engine_models.progress import tell
 from engine_models.scene.arguments import Place, check_arguments, in_words
-from engine_models.scene.data import Positive
-from engine_models.scene.general import GeneralScene
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.format import Positive
 from engine_models.scene.plain_words import one_of, shown, unknown
+from engine_models.scene.scene import Scene
 from studies.failures import BadInput, writing
 from studies.whole_file import require_place, write_whole
 
@@ -29,8 +28,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from reports.comparison.standing import Standings
     from reports.results import Results
+    from reports.standings import Standings
 
 #: Endings of the files of tables, of sweeps, of figures and of animations; and the place of no file.
 TABLES, ROWS = (".csv", ".json", ".parquet", ""), (".parquet", ".csv")
@@ -59,7 +58,7 @@ class Run:
     before ``start_s`` is a transient.
     """
 
-    scene: AnyScene
+    scene: Scene
     engine_name: str
     engine: Engine
     trajectory: Trajectory
@@ -124,16 +123,20 @@ class Run:
         Raises:
             BadInput: there is no such column.
         """
-        from reports.run.figures import time_plot
+        from reports.run_figures import time_plot
 
-        for name in columns:
-            if name not in self.frame:
-                raise BadInput(unknown("columns", name, self.frame))
+        self.require_columns(columns)
         mark = None
         if largest := self.largest_contact_force:
             label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
             mark = largest.time_s, largest.force_N, label
         return time_plot(self.frame, self._title, self.quality.summary(), mark, columns)
+
+    def require_columns(self, columns: Sequence[str]) -> None:
+        """Raise BadInput if the frame lacks one of these."""
+        for name in columns:
+            if name not in self.frame:
+                raise BadInput(unknown("columns", name, self.frame))
 
     @check_arguments
     def plot_orbit(self, joint: str) -> "Figure":
@@ -142,7 +145,7 @@ class Run:
         Raises:
             BadInput: the joint has no clearance.
         """
-        from reports.run.figures import orbit_plot
+        from reports.run_figures import orbit_plot
 
         clearances = self.scene.clearances
         if joint not in clearances:
@@ -172,7 +175,7 @@ class Run:
         plot: Place | None = None,
         animate: Place | None = None,
         plot_columns: Sequence[str] = (),
-        exaggerate: Annotated[Positive, in_words()] = 1.0,
+        exaggerate: Positive = 1.0,
     ) -> None:
         """Write samples and impacts by the endings of their files, a figure and an animation; - is stdout.
 
@@ -184,7 +187,7 @@ class Run:
             if place is not None:
                 contents[name, Path(place)] = self._encoded(columns(), Path(place).suffix.lower())
         if plot is not None:
-            from reports.plots.picture import picture_bytes
+            from reports.look import picture_bytes
 
             picture = picture_bytes(self.plot(plot_columns), Path(plot).suffix.lower())
             contents["plot", Path(plot)] = picture
@@ -199,11 +202,10 @@ class Run:
 
     def film(self, ending: str, exaggerate: float) -> bytes:
         """Return the animation as the bytes of a file; progress is told as that of a run."""
-        from reports.run.drawing import Shape
-        from reports.run.film import film_bytes, pictured
+        from reports.film import film_bytes, pictured
 
         shown = selected(self.trajectory, pictured(len(self.trajectory.time_s)))
-        return film_bytes(Shape(self.scene, shown, exaggerate).drawing(), self.scene.name, ending, tell)
+        return film_bytes(self.scene, shown, exaggerate, ending, tell)
 
     def _encoded(self, columns: Mapping[str, Any], ending: str) -> bytes:
         """Return a table as CSV with all digits, or as JSON or Parquet with what made it."""
@@ -251,9 +253,8 @@ class Run:
         if mean_s > 0.99 * allowed_s:
             how_long = f"the longest {allowed_s:.6g} s"
         lines = [f"quality: {self.quality.summary()}", f"{steps} steps{of_method}, {how_long}"]
-        placed = self.scene.placed if isinstance(self.scene, GeneralScene) else None
-        if placed is not None:
-            lines.insert(0, f"start put together: {placed.moved} from what the file tells")
+        if (moved := self.scene.placed.moved) is not None:
+            lines.insert(0, f"start put together: {moved} from what the file tells")
         return lines + self._notes_of_force()
 
     def _notes_of_force(self) -> list[str]:
@@ -287,7 +288,7 @@ class Run:
 
     def _repr_html_(self) -> str:
         """Return the display of a notebook: title, notes, warnings and figure."""
-        from reports.run.figures import card
+        from reports.run_figures import card
 
         return card(self._title, [*self.notes(), *self.warnings], self.plot())
 
@@ -343,7 +344,7 @@ class Sweep:
         Raises:
             BadInput: there is no figure of that number of fields, or no such column.
         """
-        from reports.plots.sweeps import NoPicture, sweep_picture
+        from reports.run_figures import NoPicture, sweep_picture
 
         numbers = list(self.frame.columns[list(self.frame).index("warnings") + 1 :])
         if show is not None and show not in numbers:
@@ -369,7 +370,7 @@ class Comparison:
     is no recommendation. ``given`` is the scene as it is typed in a command.
     """
 
-    scene: AnyScene
+    scene: Scene
     results: "Results"
     run: Run | None
     given: str
@@ -382,42 +383,40 @@ class Comparison:
     @cached_property
     def standings(self) -> "Standings":
         """The result of every engine."""
-        from reports.comparison.standing import Standings
+        from reports.standings import Standings
 
         return Standings.of(self.frame)
 
     @property
     def recommendation(self) -> str:
         """The recommended engine and setting, its cost, and its limit, in sentences."""
-        from reports.comparison.sentences import sentences
+        from reports.standings import sentences
 
         return "\n".join(sentences(self.standings, self.given))
 
     def table(self) -> "pd.DataFrame":
         """Return a line for each engine, as on the page."""
 
-        from reports.comparison.standing import standings_table
+        from reports.standings import standings_table
 
         return standings_table(self.standings).cells()
 
     @check_arguments
     def save(self, folder: Place) -> None:
-        """Write the page, ``index.html``, and the rows, ``rows.csv``, to a folder.
+        """Write the page, ``index.html``, its figures and tables, and the rows, ``rows.csv``, to a folder.
 
         Raises:
             BadInput: the folder cannot be written.
         """
-        from reports.comparison.page import page
+        from reports.comparison import write_comparison
 
         place, pictures = Path(folder), {}
         if self.run is not None:
             pictures["What does the recommended run look like?"] = self.run.plot()
             for joint in self.scene.joints_with_clearance:
                 pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
-        text = page(self.results, pictures, self.scene.to_toml(), self.given)
         with writing("folder", place):
-            place.mkdir(parents=True, exist_ok=True)
-            write_whole(place / "index.html", text.encode("utf-8"))
+            write_comparison(place, self.results, pictures, self.scene.to_toml(), self.given)
             write_whole(place / "rows.csv", self.frame.to_csv(index=False).encode("utf-8"))
 
     def __repr__(self) -> str:
@@ -439,7 +438,7 @@ def require_file(argument: str, path: Path, endings: Collection[str], inputs: Co
     if path == STDOUT and "" in endings:
         return
     if ending == ".mp4":
-        from reports.run.film import can_write
+        from reports.film import can_write
 
         if not can_write(ending):
             expected = "a file that ends in .html or .gif where ffmpeg is not installed"
@@ -449,6 +448,12 @@ def require_file(argument: str, path: Path, endings: Collection[str], inputs: Co
         raise BadInput(f"{argument}: expected {expected}, got {path}")
     with writing(argument, path):
         require_place(path)
+
+
+@check_arguments
+def factor(exaggerate: Annotated[Positive, in_words()] = 1.0) -> float:
+    """Return the factor by which clearances are enlarged in an animation, which may be text."""
+    return exaggerate
 
 
 def _newtons(force_N: float) -> str:

@@ -5,17 +5,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
-from typing import ClassVar, NamedTuple, TypeVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict
 
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
-
-T = TypeVar("T", bound=AnyScene)
 
 FloatArray = NDArray[np.float64]
 
@@ -57,17 +54,17 @@ class ImpossibleStart(SimulationFailed):
     """No engine is asked: the mechanism cannot begin as the scene says."""
 
 
-def plain(scene: AnyScene, engine: str) -> Scene:
+def plain(scene: Scene, engine: str) -> Scene:
     """Return a plain crank-slider or pendulum as it is.
 
     Raises:
         UnsupportedScene: it is another mechanism.
     """
-    if isinstance(scene, Scene) and scene.is_plain:
+    if scene.is_plain:
         return scene
     raise UnsupportedScene(
         f"{engine} runs crank-sliders on a guide along +x through O and pendulums so far; the reference, "
-        f"scipy, exudyn and pymunk run other mechanisms (this is one by {scene.general_by})"
+        f"scipy, exudyn and pymunk run other mechanisms"
     )
 
 
@@ -103,7 +100,7 @@ class RunSettings:
             raise ValueError(f"step_s: expected a finite number > 0, got {shown(step)}")
         require_samples(self.samples)
 
-    def times_s(self, scene: AnyScene) -> FloatArray:
+    def times_s(self, scene: Scene) -> FloatArray:
         """Return the times of all samples, in order: equally spaced, and with clearance those of ``at_s``."""
         equal = np.linspace(0.0, scene.end_time_s, self.samples + 1)
         if not (self.at_s and scene.joints_with_clearance):
@@ -255,14 +252,14 @@ class Engine(ABC):
     compiles: ClassVar[bool] = False
 
     @abstractmethod
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene, with the reason, if the engine at its settings cannot express the scene."""
 
     @abstractmethod
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
 
-    def twin(self, scene: T) -> T:
+    def twin(self, scene: Scene) -> Scene:
         """Return the scene that the engine really solves: the same, or with its own law in the contacts.
 
         The converged solution of it is the engine's model twin: what differs between the two
@@ -308,7 +305,7 @@ class Engine(ABC):
         """Return the settings other than their defaults that change nothing, with that which says so."""
         return {}
 
-    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the end of a run that records as little as the engine lets it.
 
         Raises:
@@ -317,7 +314,7 @@ class Engine(ABC):
         run = self.simulate(scene, settings)
         return BareRun(run.solve_time_s, run.position[-1])
 
-    def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:  # noqa: ARG002
+    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:  # noqa: ARG002
         """Return what compiling for a run takes where there is nothing compiled yet, in s."""
         return 0.0
 

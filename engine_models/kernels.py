@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numba
 
 from engine_models.engine import Engine, RunSettings
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.kept_files import (
     FolderRefused,
     read_kept,
@@ -31,7 +31,7 @@ class CompiledEngine(Engine):
 
     compiles: ClassVar[bool] = True
 
-    def compile_time_s(self, scene: AnyScene, settings: RunSettings) -> float:
+    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:
         """Return how much longer a run takes without machine code than with it, in s, in its own process.
 
         Raises:
@@ -44,7 +44,7 @@ class CompiledEngine(Engine):
         return float(without - again)
 
 
-def _elapsed_s(engine: Engine, scene: AnyScene, settings: RunSettings) -> float:
+def _elapsed_s(engine: Engine, scene: Scene, settings: RunSettings) -> float:
     numba.njit(lambda x: x + 1.0)(1.0)  # Numba itself is set to work, which takes a second the first time
     started = time.perf_counter()
     engine.simulate(scene, settings)

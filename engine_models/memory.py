@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from engine_models.engine import RunSettings, UnsupportedScene
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: Measured with two contacts: of a sample all engines keep up to 2.1 kB, its row in a table included.
 BYTES_PER_SAMPLE, BYTES_PER_CONTACT = 1_000, 750
@@ -20,7 +20,7 @@ class TooLarge(UnsupportedScene):
 
 
 def require_memory(
-    scene: AnyScene, settings: RunSettings, recorded_steps: int = 0, bytes_per_step: int = 0
+    scene: Scene, settings: RunSettings, recorded_steps: int = 0, bytes_per_step: int = 0
 ) -> None:
     """Check that what a run leaves behind fits into the memory that is free.
 

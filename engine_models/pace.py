@@ -9,7 +9,6 @@ from engine_models.engine import SimulationFailed
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.mechanics.states import lever_m
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 
 #: A run that needs more steps than this would take hours or more.
@@ -21,7 +20,7 @@ RESOLVED = 1e6
 class Pace:
     """Judges every so many steps, enough to outlast any one contact, whether a run comes to its end."""
 
-    def __init__(self, scene: AnyScene, outlasting: int, most_steps: float = MOST_STEPS) -> None:
+    def __init__(self, scene: Scene, outlasting: int, most_steps: float = MOST_STEPS) -> None:
         self._scene, self._outlasting, self._most_steps = scene, outlasting, most_steps
         self._judged, self._judged_s = 0, 0.0
 
@@ -40,7 +39,7 @@ class Pace:
         self._judged, self._judged_s = steps, reached_s
 
 
-def too_slow(scene: AnyScene, step_s: float, when: str = "") -> SimulationFailed:
+def too_slow(scene: Scene, step_s: float, when: str = "") -> SimulationFailed:
     """Return the failure of a run whose steps are too short to come to its end.
 
     A field of the scene is to blame only if its own time is not much longer than the steps.
@@ -54,7 +53,7 @@ def too_slow(scene: AnyScene, step_s: float, when: str = "") -> SimulationFailed
     )
 
 
-def forcing_field(scene: AnyScene) -> tuple[tuple[str, float], float]:
+def forcing_field(scene: Scene) -> tuple[tuple[str, float], float]:
     """Return name and value of the field that makes the shortest time in the scene, and that time in s.
 
     The times are those of an impact on the lightest body, at the speed of the crank's pin or of a body at the
@@ -88,11 +87,11 @@ def forcing_field(scene: AnyScene) -> tuple[tuple[str, float], float]:
     return min(times.items(), key=lambda entry: entry[1])
 
 
-def _start_speeds(scene: AnyScene) -> tuple[list[float], float]:
+def _start_speeds(scene: Scene) -> tuple[list[float], float]:
     """Return speeds in m/s of bodies at the start that are told, and the crank's or the fastest in rad/s."""
-    if isinstance(scene, Scene):
-        states = scene.start.states
+    if scene.is_short:
+        states = scene.start.states.values()
         told = [math.hypot(body.velocity_x_m_s, body.velocity_y_m_s) for body in states]
-        return told, scene.start.crank_speed_rad_s
+        return told, scene.short.start.crank_speed_rad_s
     _, velocity = start_state(scene)
     return np.hypot(velocity[:, 0], velocity[:, 1]).tolist(), float(np.abs(velocity[:, 2]).max())

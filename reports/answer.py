@@ -1,7 +1,7 @@
 """The first screen: for every need the setting to use, and how engines stand beside the paper's method."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from shlex import quote
 from typing import Any
 
@@ -10,13 +10,12 @@ import pandas as pd
 from reports.beside import comparison
 from reports.cost import cost_panel, prepared
 from reports.energy import KEPT, at_middle, energy_parts
-from reports.equal_error import ALONE, ByScene, Candidate, Ratio, candidates, ratio, settings_by_scene
+from reports.equal_error import ALONE, ByScene, Ratio, candidates, mark, ratio, settings_by_scene
 from reports.lines import draw, points
-from reports.look import span
-from reports.page import MOST, Chapter, Claim, Figure, Table
+from reports.look import command, span
+from reports.page import MOST, Chapter, Claim, Figure, Part, Table, Text
 from reports.predictability import horizon_turns
 from reports.results import FORCE, IDEAL, LOOSE, PEAK, RIGID, SLIDER, Studies
-from reports.run.command import command
 
 #: What a user needs: in words, the class of scenes, the column of errors, and the largest error.
 NEEDS = (
@@ -27,13 +26,11 @@ NEEDS = (
     ("motion within 1 µm", RIGID, SLIDER, 1e-6),
 )
 TIME = "time for 1 s of motion [ms]"
-#: The error that the figure asks for, in m.
-TARGET_M = 1e-6
-#: How many scenes the figure has.
-SCENES = 2
+#: The error that the figure asks for, in m, and how many scenes it has.
+TARGET_M, SCENES = 1e-6, 2
 
 
-def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
+def parts(studies: Studies) -> Iterator[Part | None]:
     """Yield the recommendation, the comparison, a figure, and the limits of all that is said."""
     rows = prepared(studies)
     lines = [*_needs(rows), *(_energy(studies, rows) if "energy" in studies else ())]
@@ -43,71 +40,64 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     )
     yield Table("answer", "Recommended solver and setting", caption, "cost", pd.DataFrame(lines))
     yield from comparison(rows, studies["energy"].rows if "energy" in studies else None)
+    link = '<a href="#table-configurations">What the names of configurations mean</a>'
+    yield Text(f'<p class="source">{link}</p>')
     yield _figure(rows)
     yield from _limits(studies)
 
 
 def _needs(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    for what, joints, column, target in NEEDS:
-        if ran := settings_by_scene(rows[rows["joints"] == joints], column):
-            yield {"you need": f"{what}, {joints}", **_advice(rows, ran, column, target)}
+    """Yield what to use for each error on each class of scenes that has rows, and what is next best."""
+    for need, joints, column, target in NEEDS:
+        ran = settings_by_scene(rows[rows["joints"] == joints], column)
+        if not ran:
+            continue
+        line: dict[str, Any] = {"you need": f"{need}, {joints}", "use": "no setting that was run"}
+        if ranked := candidates(ran, target):
+            best, *others = ranked
+            level = [other for other in others if _is_level(other, best)]
+            others = [other for other in others if not _is_level(other, best)]
+            ms, row = 1e3 * best["time_s"] / best["end_time_s"], rows.loc[best.index[0]]
+            next_best = [_slower(other, best, column, ran) for other in others[:1]]
+            faster = [
+                each for each in others[1:] if any(of.decided and of.times < 1 for of in _behind(each, best))
+            ]
+            next_best += [f"faster where it runs: {_slower(each, best, column, ran)}" for each in faster]
+            uses = [f"{_name(each, ran)}{mark(each.iloc[0], column)}" for each in (best, *level)]
+            line |= {
+                "use": " or ".join(uses),
+                "command": _command(row),
+                TIME: ms.min(),
+                f"{TIME}{MOST}": ms.max(),
+            }
+            line |= {"next best": "; ".join(next_best) or "no other engine"}
+        yield line
 
 
-def _advice(rows: pd.DataFrame, ran: ByScene, column: str, target: float) -> dict[str, Any]:
-    """Return what to use for an error on a class of scenes, and what is next best."""
-    found = candidates(ran, target)
-    if not found:
-        return {"use": "no setting that was run"}
-    best, *others = found
-    level = [other for other in others if _is_level(other, best)]
-    others = [other for other in others if other not in level]
-    ms = [1e3 * seconds for seconds in _seconds(best, ran)]
-    row = rows.loc[best.runs[0].row]
-    next_best = [*_next_best(others[:1], best, column, ran), *_faster(others[1:], best, column, ran)]
-    return {
-        "use": " or ".join(f"{_named(each, len(ran))}{each.runs[0].mark(column)}" for each in (best, *level)),
-        "command": command(row, f"{quote(row['scene'])} --end {row['end_time_s']:.6g}"),
-        TIME: min(ms),
-        f"{TIME}{MOST}": max(ms),
-        "next best": "; ".join(next_best) or "no other engine",
-    }
+def _command(row: pd.Series) -> str:
+    return command(row, f"{quote(row['scene'])} --end {row['end_time_s']:.6g}")
 
 
-def _named(each: Candidate, scenes: int) -> str:
-    on = "" if len(each.scenes) == scenes else f" ({len(each.scenes)} of {scenes} scenes)"
-    return f"{each.label}, {each.setting}{on}"
+def _name(each: pd.DataFrame, ran: ByScene) -> str:
+    on = "" if len(each) == len(ran) else f" ({len(each)} of {len(ran)} scenes)"
+    return f"{each['label'].iloc[0]}, {each['setting'].iloc[0]}{on}"
 
 
-def _seconds(each: Candidate, ran: ByScene) -> list[float]:
-    """Return the run time for one second of motion on each scene."""
-    pairs = zip(each.scenes, each.runs, strict=True)
-    return [run.time_s / float(ran[scene][0]["end_time_s"].iloc[0]) for scene, run in pairs]
-
-
-def _behind(other: Candidate, best: Candidate) -> list[Ratio]:
+def _behind(other: pd.DataFrame, best: pd.DataFrame) -> list[Ratio]:
     """Return the ratios of run times on the scenes that both reach."""
-    own = dict(zip(best.scenes, best.runs, strict=True))
-    pairs = [(run, own[scene]) for scene, run in zip(other.scenes, other.runs, strict=True) if scene in own]
-    return [ratio(run, base) for run, base in pairs]
+    own = {run.scene: run for run in best.itertuples()}
+    return [ratio(run, own[run.scene]) for run in other.itertuples() if run.scene in own]
 
 
-def _is_level(other: Candidate, best: Candidate) -> bool:
+def _is_level(other: pd.DataFrame, best: pd.DataFrame) -> bool:
     """Return whether two settings reach the error on as many scenes in times that are not resolved."""
     ratios = _behind(other, best)
-    return len(other.scenes) == len(best.scenes) and bool(ratios) and not any(of.decided for of in ratios)
+    return len(other) == len(best) and bool(ratios) and not any(of.decided for of in ratios)
 
 
-def _next_best(others: Sequence[Candidate], best: Candidate, column: str, ran: ByScene) -> Iterator[str]:
-    """Yield other settings with their run times in times of those of the best one."""
-    for other in others:
-        times = span(of.times for of in _behind(other, best))
-        yield f"{_named(other, len(ran))} ({times}x){other.runs[0].mark(column)}"
-
-
-def _faster(others: Sequence[Candidate], best: Candidate, column: str, ran: ByScene) -> Iterator[str]:
-    """Yield the settings that are faster than the best one on some scene."""
-    faster = [each for each in others if any(of.decided and of.times < 1 for of in _behind(each, best))]
-    yield from (f"faster where it runs: {text}" for text in _next_best(faster, best, column, ran))
+def _slower(other: pd.DataFrame, best: pd.DataFrame, column: str, ran: ByScene) -> str:
+    times = span(of.times for of in _behind(other, best))
+    return f"{_name(other, ran)} ({times}x){mark(other.iloc[0], column)}"
 
 
 def _energy(studies: Studies, rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
@@ -120,21 +110,16 @@ def _energy(studies: Studies, rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     longest = {label: ran[ran["label"] == label].sort_values("turns").iloc[-1] for label in keep.index}
     ms = {label: _ms_per_s(timed, row) for label, row in longest.items()}
     most = keep.index[keep["scenes"] == keep["scenes"].max()]
-    common = (
-        set.intersection(*({*ms[label]} for label in most if ms[label])) if any(map(ms.get, most)) else ()
-    )
+    common = set.intersection(*[{*ms[label]} for label in most if ms[label]] or [set[str]()])
     place = {label: max((ms[label].get(of, math.inf) for of in common), default=math.inf) for label in most}
     best = min(most, key=lambda label: place[label])
     others = keep[keep["solver"] != keep["solver"][best]]
-    told = {
-        label: f"{label}, {of.setting}{of.on}"
-        for label, of in zip(keep.index, keep.itertuples(), strict=True)
-    }
-    row, turns = longest[best], span(keep.loc[best, ["fewest_turns", "most_turns"]], ".0f")
+    told = keep.index + ", " + keep["setting"] + keep["on"]
+    turns = span(keep.loc[best, ["fewest_turns", "most_turns"]], ".0f")
     yield {
         "you need": f"energy balance within {100 * KEPT:g} % over {turns} revolutions",
         "use": told[best],
-        "command": command(row, f"{quote(row['scene'])} --end {row['end_time_s']:.6g}"),
+        "command": _command(longest[best]),
         TIME: min(ms[best].values(), default=math.nan),
         f"{TIME}{MOST}": max(ms[best].values(), default=math.nan),
         "next best": told[others.index[0]] if len(others) else "no other engine",
@@ -162,8 +147,7 @@ def _figure(rows: pd.DataFrame) -> Figure | None:
     for scene in sorted(ran, key=lambda scene: (-reached[scene], scene))[:SCENES]:
         of, known = ran[scene]
         best = of[of["kept"] <= TARGET_M].sort_values("time_s").head(1)
-        rings = tuple(zip(best["time_s"], best["kept"], strict=True))
-        panels.append(cost_panel(scene, of, known, SLIDER, rings=rings))
+        panels.append(cost_panel(scene, of, known, SLIDER, [*zip(best["time_s"], best["kept"], strict=True)]))
     title = "Which engine reaches which error in what run time, with clearance?"
     caption = (
         "A line is an engine at its best settings; points without a line are not ranked. Dashed: the error "

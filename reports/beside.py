@@ -8,7 +8,7 @@ import pandas as pd
 
 from reports.energy import UNACCOUNTED, at_middle
 from reports.equal_error import ALONE, settings_by_scene
-from reports.look import legend_place, setting, span
+from reports.look import legend_place, span
 from reports.page import MOST, Claim, Table
 from reports.results import FORCE, IDEAL, LOOSE, PEAK, RIGID, SLIDER, finished
 
@@ -66,7 +66,7 @@ def _pick(ran: pd.DataFrame, papers_s: float, rows: pd.DataFrame) -> dict[str, A
     row = rows.loc[best.name]
     return {
         "configuration": best["label"],
-        "setting": setting(best["knob"], best["value"]),
+        "setting": best["setting"],
         POSITION: 1e6 * best["error"],
         **{heading: row[column] for heading, column in FORCES.values()},
         RUN_TIME: best["time_s"] / papers_s,

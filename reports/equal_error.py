@@ -2,9 +2,10 @@
 
 The settings that were run on a scene are a data frame, a row for each; those of a configuration go from
 coarse to fine. Columns: ``engine``, ``label``, the parameter that is varied (``knob``) with its ``value``,
-``error``, the error that is ``kept``, whether the solve gives the ``motion_alone``, the run times ``times_s``
-(rounds,) in s from the least on, NaN of rounds without one, the least, ``time_s``, and the length of the
-motion, ``end_time_s``.
+both in words (``setting``), ``error``, the error that is ``kept``, whether the solve gives the
+``motion_alone``, the length of the motion, ``end_time_s``, and the run times of the rounds: the least,
+``time_s``, since what slows a machine makes no run shorter, ``next_s`` and ``last_s``. Of one round alone the
+next time is ``SPREAD`` times its own.
 
 The error that a setting keeps is the largest of its own and of all finer settings of its configuration: a
 small error before a larger one is luck. It is infinite where a finer run failed, and where errors have grown
@@ -16,11 +17,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from reports.look import plain, setting
-from reports.results import SLIDER, FloatArray, floor, knobs, tolerances, value, with_columns
+from reports.results import SLIDER, floor, knobs, tolerances, value, with_columns
 
 #: A time is resolved if another round comes within this factor of the least. How a time looks that is not,
 #: and a ratio that the timing does not resolve from 1, and what a caption says of them.
@@ -37,42 +37,6 @@ SATURATED, CLEARANCE = 0.1, "smallest_clearance_m"
 
 #: By scene: the settings that were run on it, and the uncertainty of its reference solution.
 ByScene = Mapping[str, tuple[pd.DataFrame, float]]
-
-
-@dataclass(frozen=True)
-class Choice:
-    """A setting that was run: ``setting`` says which in words, ``times_s`` (rounds,) are its run times.
-
-    They begin with the least. If the solve gives the ``motion_alone`` no forces are in them. ``row`` is the
-    row's index.
-    """
-
-    engine: str
-    label: str
-    setting: str
-    times_s: FloatArray
-    motion_alone: bool = False
-    row: Any = None
-
-    @property
-    def time_s(self) -> float:
-        """The run time: the least of the rounds, since what slows a machine makes no run shorter."""
-        return float(self.times_s[0])
-
-    @property
-    def next_s(self) -> float:
-        """The time of the next fastest round; of one round alone ``SPREAD`` times its own."""
-        there = np.isfinite(self.times_s[1:2]).any()
-        return float(self.times_s[1]) if there else SPREAD * self.time_s
-
-    def mark(self, column: str) -> str:
-        """Return the mark of a time without the forces, beside errors of a column of forces."""
-        return ALONE_MARK if self.motion_alone and is_force(column) else ""
-
-    def shown_ms(self, column: str) -> str:
-        """Return the time in ms as a cell beside errors of a column, marked where it is not resolved."""
-        unresolved = self.next_s > SPREAD * self.time_s
-        return f"{UNRESOLVED_MARK if unresolved else ''}{plain(1e3 * self.time_s)}{self.mark(column)}"
 
 
 @dataclass(frozen=True)
@@ -93,41 +57,26 @@ class Ratio:
         return f"{'' if self.decided else UNRESOLVED_MARK}{plain(self.times)}"
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A setting that reaches an error on some ``scenes`` of a class, with its run on each of them.
-
-    ``slowdowns`` are its run times there in times of the fastest engine's.
-    """
-
-    scenes: tuple[str, ...]
-    runs: tuple[Choice, ...]
-    slowdowns: tuple[float, ...]
-
-    @property
-    def label(self) -> str:
-        """The configuration."""
-        return self.runs[0].label
-
-    @property
-    def setting(self) -> str:
-        """The setting in words."""
-        return self.runs[0].setting
+def ratio(slow: Any, fast: Any) -> Ratio:
+    """Return what one setting takes in times of another."""
+    return Ratio(slow.time_s / fast.time_s, slow.time_s / fast.next_s, slow.next_s / fast.time_s)
 
 
-def is_force(column: str) -> bool:
-    """Return whether a column of errors is of a force or a torque."""
-    return "force" in column or "torque" in column
+def mark(run: Any, column: str) -> str:
+    """Return the mark of a time without the forces, beside errors of a column of forces."""
+    return ALONE_MARK if run.motion_alone and ("force" in column or "torque" in column) else ""
+
+
+def is_resolved(run: Any) -> bool:
+    """Return whether a second round comes near the run time of a setting."""
+    return bool(run.next_s <= SPREAD * run.time_s)
 
 
 def settings_by_scene(rows: pd.DataFrame, column: str) -> ByScene:
     """Return by scene the settings that have errors of a column, and the reference's uncertainty of these."""
-    found = {}
-    for scene, of_scene in rows.groupby("scene"):
-        known = floor(of_scene, column)
-        if len(ran := settings(of_scene, column, known)):
-            found[str(scene)] = ran, known
-    return found
+    by_scene = {str(scene): (of, floor(of, column)) for scene, of in rows.groupby("scene")}
+    ran = {scene: (settings(of, column, known), known) for scene, (of, known) in by_scene.items()}
+    return {scene: each for scene, each in ran.items() if len(each[0])}
 
 
 def settings(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
@@ -137,22 +86,27 @@ def settings(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
     exactly zero throughout, as forces between impacts of rigid walls, has no settings.
     """
     rows = from_coarse_to_fine(with_columns(rows, "motion_alone", "end_time_s", "solve_time_s"))
-    names = [name for name in rows if name.startswith("setting_")]
-    asked = zip(*(rows[name] for name in ("engine", "arm", "step_s", *names)), strict=True)
-    at = pd.Series([" ".join(map(str, of)) for of in asked], rows.index, dtype=object)
-    by_round = pd.pivot_table(rows.assign(at=at, time_s=value(rows, "solve_time_s")), "time_s", "at", "round")
-    times = pd.Series(list(np.sort(by_round.to_numpy())), by_round.index, dtype=object)
+    names = ["engine", "arm", "step_s", *(name for name in rows if name.startswith("setting_"))]
+    at = pd.Series([str(of) for of in rows[names].itertuples(index=False, name=None)], rows.index)
+    times = value(rows, "solve_time_s").where(rows["round"].notna()).dropna().groupby(at).apply(sorted)
     ran = rows[rows["round"].isna()]
+    rounds = pd.DataFrame([*at[ran.index].map(times).map(_least_next_last)], ran.index)
+    failed = ran.index.map(at).isin(set(at[rows["status"] == "failed"]))
     ran = ran.assign(
+        **rounds.set_axis(["time_s", "next_s", "last_s"], axis=1),
+        setting=[*map(setting, ran["knob"], ran["value"])],
         error=value(ran, column).clip(lower=floor),
-        times_s=at.map(times),
         motion_alone=ran["motion_alone"].isin([True]),
     )
-    failed = ran.index.map(at).isin(set(at[rows["status"] == "failed"]))
     ran = ran.assign(kept=kept(ran, failed | saturated(ran)))
-    columns = ["engine", "label", "knob", "value", "error", "kept", "motion_alone", "times_s"]
-    ran = ran[[*columns, "end_time_s"]].dropna(subset=columns).query("error > 0")
-    return ran.assign(time_s=ran["times_s"].map(np.nanmin).astype(float))
+    columns = ["engine", "label", "knob", "value", "setting", "error", "kept", "motion_alone", "time_s"]
+    return ran[[*columns, "next_s", "last_s", "end_time_s"]].dropna(subset=columns).query("error > 0")
+
+
+def _least_next_last(times_s: Any) -> tuple[float, float, float]:
+    if not isinstance(times_s, list):
+        return math.nan, math.nan, math.nan
+    return times_s[0], times_s[1] if len(times_s) > 1 else SPREAD * times_s[0], times_s[-1]
 
 
 def kept(settings: pd.DataFrame, lost: "pd.Series[bool] | None" = None) -> "pd.Series[float]":
@@ -186,37 +140,23 @@ def front(settings: pd.DataFrame) -> pd.DataFrame:
     return settings[settings["kept"] < settings["kept"].cummin().shift(fill_value=math.inf)]
 
 
-def reaching(settings: pd.DataFrame, error: float) -> list[Choice]:
+def reaching(settings: pd.DataFrame, error: float) -> pd.DataFrame:
     """Return each engine's fastest setting that keeps an error, the fastest engine first."""
     within = settings[settings["kept"] <= error].sort_values("time_s", kind="stable")
-    return [choice_at(each) for each in within.drop_duplicates("engine").itertuples()]
+    return within.drop_duplicates("engine")
 
 
-def choice_at(ran: Any) -> Choice:
-    """Return the choice of a setting, one of ``itertuples``."""
-    at = setting(ran.knob, ran.value)
-    return Choice(ran.engine, ran.label, at, ran.times_s, ran.motion_alone, ran.Index)
-
-
-def ratio(slow: Choice, fast: Choice) -> Ratio:
-    """Return what one takes in times of another."""
-    low, high = slow.time_s / fast.next_s, slow.next_s / fast.time_s
-    return Ratio(slow.time_s / fast.time_s, low, high)
-
-
-def candidates(by_scene: ByScene, error: float) -> list[Candidate]:
+def candidates(by_scene: ByScene, error: float) -> list[pd.DataFrame]:
     """Return each engine's setting that reaches an error on most scenes, the recommended one first.
 
-    Of those that do on as many it is the one that is the least behind on the scene where it is slowest.
+    Each is a data frame of its runs with their ``scene``. Of those that do on as many it is the one that is
+    the least behind on the scene where it is slowest: ``slowdown`` is its time by the fastest engine's.
     """
-    found: dict[tuple[str, str], list[tuple[str, Choice, float]]] = {}
-    for scene, (ran, _) in by_scene.items():
-        within = [choice_at(each) for each in ran[ran["kept"] <= error].itertuples()]
-        least = min((each.time_s for each in within), default=math.nan)
-        for each in within:
-            found.setdefault((each.label, each.setting), []).append((scene, each, each.time_s / least))
-    every = [Candidate(*zip(*runs, strict=True)) for runs in found.values()]
-    best: dict[str, Candidate] = {}
-    for candidate in sorted(every, key=lambda each: (-len(each.scenes), max(each.slowdowns))):
-        best.setdefault(candidate.runs[0].engine, candidate)
+    within = [ran[ran["kept"] <= error].assign(scene=scene) for scene, (ran, _) in by_scene.items()]
+    runs = pd.concat(within)
+    runs["slowdown"] = runs["time_s"] / runs.groupby("scene")["time_s"].transform("min")
+    every = [of for _, of in runs.groupby(["label", "setting"], sort=False, observed=True)]
+    best: dict[str, pd.DataFrame] = {}
+    for each in sorted(every, key=lambda of: (-len(of), of["slowdown"].max())):
+        best.setdefault(each["engine"].iloc[0], each)
     return list(best.values())

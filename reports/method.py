@@ -2,20 +2,21 @@
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 
 import matplotlib as mpl
 import pandas as pd
 
 from reports.look import RC, in_legend_order
 from reports.mechanism import draw_mechanism
-from reports.page import Chapter, Claim, Figure, Table
+from reports.page import FINDINGS, Chapter, Claim, Figure, Part, Table, Text, versions
 from reports.results import Studies, quality_failures, with_columns
 
 #: Columns of a run that did not finish, or that fails the check after every run.
 RUN = ["study", "scene", "label", "step_s", "status", "exception", "reason"]
 
 
-def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
+def parts(studies: Studies) -> Iterator[Part | None]:
     """Yield the mechanism, how many runs finished, what configurations are, and the runs that failed."""
     scenes = with_columns(studies["accuracy"].rows, "scene_json")["scene_json"].dropna()
     if len(scenes):
@@ -42,6 +43,20 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     )
     failing = failing[[*RUN[:4], "quality"]].rename(columns={"label": "configuration"})
     yield Table("quality", "Finished runs that fail the check", "", "", failing, shown=False)
+    yield _provenance(studies)
+    told = f'<a href="{FINDINGS}">{FINDINGS}</a> has every claim with its numbers, units and intervals.'
+    yield Text(f"{Path(__file__).with_suffix('.html').read_text(encoding='utf-8')}<p>{told}</p>")
+
+
+def _provenance(studies: Studies) -> Table:
+    """Return of which set, commit, code and day each study's rows are."""
+    keys = ("set", "commit", "code", "date")
+    lines = [
+        {"study": name, "runs": len(results.rows)} | {key: results.facts.get(key) for key in keys}
+        for name, results in studies.items()
+    ]
+    caption = ", ".join(f"{name} {version}" for name, version in versions(studies).items())
+    return Table("provenance", "Provenance", caption, "", pd.DataFrame(lines))
 
 
 def configurations(rows: pd.DataFrame, studies: Studies) -> Table:

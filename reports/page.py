@@ -1,9 +1,10 @@
-"""The page: chapters of claims, figures and tables, numbered and written as HTML, SVG, CSV and JSON."""
+"""The page: chapters of claims, figures, tables and text, numbered and written as HTML, SVG, CSV and JSON."""
 
 import json
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import count
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,13 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure as Drawing
 
-from reports.lines import as_svg
-from reports.look import ABSENT, ENGINES, plain, quantity
+from reports.look import ABSENT, ENGINES, picture_bytes, plain, quantity
 from reports.results import NoResults, Results, Studies, read_study
 
 #: What marks a folder as a report, so that nothing else is ever replaced; the file of its claims.
 GENERATOR, FINDINGS = '<meta name="generator" content="crankslider">', "findings.json"
 #: Endings of columns that say more of the number in the column without: they are shown in its cell.
-MOST, UNCERTAIN, HALF_WIDTH = " (most)", " (uncertainty)", " (half width)"
+MOST, UNCERTAIN, HALF_WIDTH = ENDINGS = (" (most)", " (uncertainty)", " (half width)")
 #: A half width below this part of its number is not shown.
 NARROW = 0.01
 
@@ -75,29 +75,21 @@ class Table:
 
     def cells(self) -> pd.DataFrame:
         """Return the table as it is shown, as text: numbers have two significant digits by default."""
-        columns = {}
-        for name, column in self.rows.items():
-            if not str(name).endswith((MOST, UNCERTAIN, HALF_WIDTH)):
-                columns[str(name)] = [self._cell(str(name), place) for place in range(len(column))]
-        return pd.DataFrame(columns)
+        names, rows = [name for name in self.rows if not name.endswith(ENDINGS)], self.rows.to_dict("records")
+        return pd.DataFrame({name: [self._cell(name, row) for row in rows] for name in names}, dtype=object)
 
-    def _cell(self, name: str, place: int) -> str:
-        value = self.rows[name].iloc[place]
-        if not isinstance(value, int | float) or isinstance(value, bool):
+    def _cell(self, name: str, row: Mapping[Any, Any]) -> str:
+        value, form = row[name], self.formats.get(name, plain)
+        if not isinstance(value, float):
             return ABSENT if pd.isna(value) else str(value)
-        form = self.formats.get(name, plain)
-        more = {end: self.rows.get(f"{name}{end}") for end in (MOST, UNCERTAIN, HALF_WIDTH)}
-        most, unsure, half = (None if of is None else of.iloc[place] for of in more.values())
-        if unsure is not None and value < unsure:
-            return f"< {form(unsure)}"
-        if half is not None and abs(value) <= half:
+        most, uncertain, half = (row.get(name + ending, math.nan) for ending in ENDINGS)
+        if value < uncertain:
+            return f"< {form(uncertain)}"
+        if abs(value) <= half:
             return f"< {form(abs(value) + half)}"
-        text = ABSENT if pd.isna(value) else form(value)
-        if most is not None and not pd.isna(most):
-            text = " to ".join(dict.fromkeys((text, form(most))))
-        if half is not None and half >= NARROW * abs(value):
-            text += f" ± {form(half)}"
-        return text
+        ends = [form(end) for end in (value, most) if not math.isnan(end)]
+        interval = f" ± {form(half)}" if half >= NARROW * abs(value) else ""
+        return (" to ".join(dict.fromkeys(ends)) or ABSENT) + interval
 
     def markdown(self, *without: str) -> str:
         """Return the table as Markdown, without its caption and some columns."""
@@ -107,17 +99,28 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Text:
+    """Some HTML as it is."""
+
+    html: str
+
+
+Part = Claim | Figure | Table | Text
+
+
+@dataclass(frozen=True)
 class Chapter:
     """A chapter of the page, made of the rows of the ``studies`` that it names: all have to be there.
 
-    ``parts`` yields what these rows give; None is left out. ``introduction`` says what is compared.
+    ``parts`` yields what these rows give, in the order of the page; None is left out. ``introduction`` says
+    what is compared.
     """
 
     name: str
     title: str
     studies: tuple[str, ...]
     introduction: str
-    parts: Callable[[Studies], Iterator[Claim | Figure | Table | None]]
+    parts: Callable[[Studies], Iterator[Part | None]]
 
 
 @dataclass(frozen=True)
@@ -125,9 +128,7 @@ class Made:
     """A chapter with what its rows give."""
 
     chapter: Chapter
-    claims: tuple[Claim, ...]
-    figures: tuple[Figure, ...]
-    tables: tuple[Table, ...]
+    parts: tuple[Part, ...]
 
     @classmethod
     def of(cls, chapter: Chapter, studies: Studies) -> "Made":
@@ -136,22 +137,32 @@ class Made:
         Raises:
             Contradiction: a claim does not hold.
         """
-        parts = [*filter(None, chapter.parts(studies))]
-        claims = tuple(part for part in parts if isinstance(part, Claim))
-        if broken := [claim for claim in claims if not claim.holds]:
-            raise Contradiction(f"the results contradict the report's sentence: {broken[0]}")
-        tables = tuple(part for part in parts if isinstance(part, Table) and len(part.rows))
-        return cls(chapter, claims, tuple(part for part in parts if isinstance(part, Figure)), tables)
+        parts = [part for part in chapter.parts(studies) if part is not None]
+        for part in parts:
+            if isinstance(part, Claim) and not part.holds:
+                raise Contradiction(f"the results contradict the report's sentence: {part}")
+        return cls(chapter, tuple(part for part in parts if not isinstance(part, Table) or len(part.rows)))
 
     @property
-    def shown(self) -> list[Table]:
-        """The tables on the page."""
-        return [table for table in self.tables if table.shown]
+    def claims(self) -> list[Claim]:
+        """The sentences."""
+        return [part for part in self.parts if isinstance(part, Claim)]
 
     @property
-    def files(self) -> list[Table]:
-        """The tables that are only to be downloaded."""
-        return [table for table in self.tables if not table.shown]
+    def figures(self) -> list[Figure]:
+        """The figures."""
+        return [part for part in self.parts if isinstance(part, Figure)]
+
+    @property
+    def tables(self) -> list[Table]:
+        """The tables, those that are only files as well."""
+        return [part for part in self.parts if isinstance(part, Table)]
+
+    @property
+    def sequences(self) -> list[tuple[str, list[Part]]]:
+        """What the page shows: the parts of one kind that follow each other, by the name of the kind."""
+        shown = (part for part in self.parts if not isinstance(part, Table) or part.shown)
+        return [(kind, list(parts)) for kind, parts in groupby(shown, lambda part: type(part).__name__)]
 
 
 @dataclass(frozen=True)
@@ -164,12 +175,9 @@ class Report:
     @property
     def answer(self) -> Iterator[str]:
         """The first table in lines, and the claims of its chapter."""
-        if not self.made:
-            return
-        for table in self.made[0].tables[:1]:
-            for row in table.cells().to_dict("records"):
-                yield "; ".join(f"{name}: {cell}" for name, cell in row.items() if cell != ABSENT)
-        yield from map(str, self.made[0].claims)
+        for row in self.made[0].tables[0].cells().to_dict("records") if self.made else ():
+            yield "; ".join(f"{name}: {cell}" for name, cell in row.items() if cell != ABSENT)
+        yield from map(str, self.made[0].claims if self.made else ())
 
 
 def write_report(results: Path, folder: Path, chapters: Sequence[Chapter]) -> Report:
@@ -182,20 +190,58 @@ def write_report(results: Path, folder: Path, chapters: Sequence[Chapter]) -> Re
         BadInput: a file cannot be read.
         Contradiction: a claim is not true of the results.
     """
-    studies, missing = _read(results, chapters)
+    studies, missing = dict[str, Results](), dict[str, NoResults]()
+    for study in dict.fromkeys(name for chapter in chapters for name in chapter.studies):
+        try:
+            studies[study] = read_study(results, study)
+        except NoResults as reason:
+            missing[study] = reason
+    if not studies:
+        raise next(iter(missing.values()))
     made = tuple(Made.of(each, studies) for each in chapters if studies.keys() >= {*each.studies})
-    notes = [f"{name}: {each.note}" for name, each in studies.items() if each.note]
+    notes = []
+    for name, each in studies.items():
+        if len(each.rows) < (asked := each.facts.get("cases", 0)):
+            notes.append(f"{name}: {len(each.rows)} of {asked} cases are there; `crankslider run` goes on")
     if bare := [name for name, each in studies.items() if not each.has_curves]:
         notes.append(f"no time histories beside the rows of {', '.join(bare)}: no figures over time")
     if missing:
         notes.append(f"not run: {', '.join(missing)}; `crankslider run` runs what is missing")
-    for kind in ("tables", "data", "figures"):
-        (folder / kind).mkdir(parents=True)
-    for part in made:
-        _write_files(part, folder)
-    (folder / "index.html").write_text(_page(made, studies, notes), encoding="utf-8")
+    full = " --full" if any(each.facts.get("set") == "full" for each in studies.values()) else ""
+    recreate = {name: f"crankslider run{full} {name}; crankslider report" for name in studies}
+    recreate[""] = f"crankslider run{full}; crankslider report"
+    write_page(folder, "Crank-slider validation study", _head(studies), made, recreate, notes)
     (folder / FINDINGS).write_text(_findings(made, studies), encoding="utf-8")
     return Report(made, tuple(notes))
+
+
+def write_page(
+    folder: Path,
+    title: str,
+    head: Mapping[str, str],
+    made: Sequence[Made],
+    recreate: Mapping[str, str],
+    notes: Sequence[str] = (),
+) -> None:
+    """Write chapters as index.html, with their figures, the points of these, and tables as files.
+
+    ``head`` is the line below the title, ``recreate`` has the command for the rows of each study.
+    """
+    for kind in ("tables", "data", "figures"):
+        (folder / kind).mkdir(parents=True, exist_ok=True)
+    for table in (table for each in made for table in each.tables):
+        table.rows.to_csv(folder / f"tables/{table.name}.csv", index=False, lineterminator="\n")
+    for figure in (figure for each in made for figure in each.figures):
+        (folder / f"figures/{figure.name}.svg").write_bytes(picture_bytes(figure.drawing, ".svg"))
+        if figure.data is not None:
+            data = folder / f"data/{figure.name}.csv"
+            figure.data.to_csv(data, index=False, float_format="%.6g", lineterminator="\n")
+    loader = PackageLoader("reports", ".")
+    settings: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True}
+    page = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **settings)
+    shown: dict[str, Any] = {"title": title, "head": head, "chapters": made, "recreate": recreate}
+    text = page.get_template("page.html.jinja").render(generator=GENERATOR, notes=notes, **shown)
+    (folder / "index.html").write_text(text, encoding="utf-8")
 
 
 def require_replaceable(out: Path) -> None:
@@ -207,77 +253,18 @@ def require_replaceable(out: Path) -> None:
         raise FileExistsError(f"out: expected a new folder or a report to replace, got {out}")
 
 
-def read_claims(report: Path) -> list[dict[str, Any]]:
-    """Return the claims of a report.
+def read_claims(report: Path) -> dict[str, str]:
+    """Return the numbers of a report's claims as text, by their names.
 
     Raises:
-        OSError: there is no report.
-        ValueError: its findings are none.
+        OSError, ValueError, KeyError: there is no report.
     """
-    try:
-        claims: list[dict[str, Any]] = json.loads((report / FINDINGS).read_text(encoding="utf-8"))["claims"]
-        return [{"id": claim["id"], "text": claim["text"], "numbers": claim["numbers"]} for claim in claims]
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"no findings of a report: {error!r}") from None
-
-
-def compare_claims(before: Iterable[Mapping[str, Any]], after: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return the numbers of two reports' claims in columns ``before`` and ``after``, a row a number."""
-    columns = {
-        name: {
-            f"{claim['id']} {number}": quantity(*of[:2])
-            for claim in claims
-            for number, of in claim["numbers"].items()
-        }
-        for name, claims in (("before", before), ("after", after))
+    claims = json.loads((report / FINDINGS).read_text(encoding="utf-8"))["claims"]
+    return {
+        f"{claim['id']} {name}": quantity(*number[:2])
+        for claim in claims
+        for name, number in claim["numbers"].items()
     }
-    return pd.DataFrame(columns).fillna(ABSENT)
-
-
-def _read(folder: Path, chapters: Iterable[Chapter]) -> tuple[dict[str, Results], list[str]]:
-    """Return the results by study, and the studies that have none."""
-    studies, missing = dict[str, Results](), list[str]()
-    for study in dict.fromkeys(name for chapter in chapters for name in chapter.studies):
-        try:
-            studies[study] = read_study(folder, study)
-        except NoResults:
-            missing.append(study)
-    if not studies:
-        raise NoResults(
-            f"results: expected the results of a study, got none in {folder}: `crankslider run` makes some"
-        )
-    return studies, missing
-
-
-def _write_files(part: Made, folder: Path) -> None:
-    for table in part.tables:
-        table.rows.to_csv(folder / f"tables/{table.name}.csv", index=False, lineterminator="\n")
-    for figure in part.figures:
-        (folder / f"figures/{figure.name}.svg").write_text(as_svg(figure.drawing), encoding="utf-8")
-        if figure.data is not None:
-            data = folder / f"data/{figure.name}.csv"
-            figure.data.to_csv(data, index=False, float_format="%.6g", lineterminator="\n")
-
-
-def _page(made: Sequence[Made], studies: Studies, notes: Sequence[str]) -> str:
-    loader = PackageLoader("reports", ".")
-    settings: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True}
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **settings)
-    numbers, figures, tables = dict[str, int](), count(1), count(1)
-    for part in made:
-        numbers |= {figure.name: next(figures) for figure in part.figures}
-        numbers |= {f"table-{table.name}": next(tables) for table in part.shown}
-    return environment.get_template("page.html.jinja").render(
-        generator=GENERATOR,
-        parts=made,
-        numbers=numbers,
-        facts=facts(studies),
-        studies=studies,
-        versions=_versions(studies),
-        notes=notes,
-        full=any(results.facts.get("set") == "full" for results in studies.values()),
-        findings=FINDINGS,
-    )
 
 
 def _findings(made: Iterable[Made], studies: Studies) -> str:
@@ -295,24 +282,23 @@ def _findings(made: Iterable[Made], studies: Studies) -> str:
     return json.dumps(content, ensure_ascii=False, indent=1, default=float) + "\n"
 
 
-def _versions(studies: Studies) -> dict[str, str]:
+def versions(studies: Studies) -> dict[str, str]:
     """Return the versions of Python and of packages that the results were made with."""
     facts = [results.facts.get("versions", {}) for results in studies.values()]
     return {name: version for each in facts for name, version in each.items()}
 
 
-def facts(studies: Studies) -> dict[str, str]:
+def _head(studies: Studies) -> dict[str, str]:
     """Return what the head says: set, commit, date, processor, engines."""
-    of_all = [results.facts for results in studies.values()]
-
-    def told(of: Iterable[Any]) -> str:
-        return ", ".join(dict.fromkeys(str(each) for each in of if each)) or "not on record"
-
-    versions = _versions(studies)
+    of_all, known = [results.facts for results in studies.values()], versions(studies)
+    facts: dict[str, list[Any]] = {
+        "set": [each.get("set") for each in of_all],
+        "commit": [str(each.get("commit", ""))[:8] for each in of_all],
+        "date": [each.get("date") for each in of_all],
+        "processor": [each.get("machine", {}).get("processor") for each in of_all],
+        "engines": ["reference", *(f"{name} {known[name]}" for name in ENGINES if name in known)],
+    }
     return {
-        "set": told(each.get("set") for each in of_all),
-        "commit": told(str(each.get("commit"))[:8] for each in of_all),
-        "date": told(each.get("date") for each in of_all),
-        "processor": told(each.get("machine", {}).get("processor") for each in of_all),
-        "engines": told(["reference", *(f"{of} {versions[of]}" for of in ENGINES if of in versions)]),
+        name: ", ".join(dict.fromkeys(filter(None, values))) or "not on record"
+        for name, values in facts.items()
     }

@@ -117,7 +117,7 @@ def _renew(folder: Path, files: Iterable[Path]) -> None:
 def answer_of(report: Report) -> str:
     """Return the answer in Markdown: its tables without commands, the limits of what it says, and figures."""
     answer, titles = report.made[0], {of.name: of.title for part in report.made for of in part.figures}
-    tables = [table.markdown(COMMAND) for table in answer.shown]
+    tables = [table.markdown(COMMAND) for table in answer.tables if table.shown]
     limits = "\n".join(f"* {claim}" for claim in answer.claims if claim.name != COSTS)
     figures = "\n".join(f"{titles[name]}\n\n![{titles[name]}](figures/{name}.svg)\n" for name in FIGURES)
     return "\n".join([*tables, limits, "", figures])

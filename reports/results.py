@@ -93,7 +93,9 @@ def read_study(folder: Path, study: str) -> Results:
     elif (folder / f"{study}{ENDING}").exists():
         rows, facts = published_rows(folder, study), _facts(folder)[study]
     if not rows:
-        raise NoResults(f"no results of {study} in {folder}; run `crankslider run`")
+        raise NoResults(
+            f"results: expected the results of {study}, got none in {folder}; run `crankslider run`"
+        )
     return Results(frame(rows), facts, store)
 
 

@@ -9,6 +9,7 @@ reference solution's uncertainty and the signal's scale; what of impacts is miss
 constraints; and where the engine solves another contact law, how far that law's motion is from the scene's.
 """
 
+import json
 from itertools import chain
 
 import numpy as np
@@ -18,7 +19,7 @@ from engine_models.engine import ROUNDING, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library import SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.case import Case, Curves, Row, Value
 from studies.judges.comparison import Judged, compared, judged
 from studies.judges.converged_truth import followed, solved, times_between_s, true_at
@@ -44,7 +45,7 @@ def cases(full: bool) -> list[Case]:
 
 
 def case_of(
-    study: str, scene: AnyScene, rung: Rung, samples: int, timed: bool = False, **columns: Value
+    study: str, scene: Scene, rung: Rung, samples: int, timed: bool = False, **columns: Value
 ) -> Case:
     """Return a setting's run, at the step of the recorded one."""
     run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
@@ -59,7 +60,7 @@ def _impact(arm: arms.Arm) -> Case:
     own = [rung for rung in ladder(scene, full=False) if rung.arm == arm]
     middle, columns = (
         own[len(own) // 2],
-        {"view": "impact", "scene_json": scene.model_dump_json(exclude_none=True)},
+        {"view": "impact", "scene_json": json.dumps(scene.as_written())},
     )
     return Case(
         "accuracy", scene, arm, RunSettings(middle.step_s, IMPACT_SAMPLES), middle.added, columns=columns
@@ -95,7 +96,7 @@ def _contacts(prefix: str, run: Trajectory) -> Curves:
     return curves
 
 
-def _model_differences(scene: AnyScene, own: AnyScene, samples: int) -> Row:
+def _model_differences(scene: Scene, own: Scene, samples: int) -> Row:
     """Return how far the true solution of the engine's own law is from that of the scene's.
 
     Both are at the times at which runs of the scene are judged.

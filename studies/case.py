@@ -18,7 +18,6 @@ from typing import Any, Protocol, cast
 from engine_models.arms import MEANINGS, Arm, Setting
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import engine_module
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import one_of, shown
 from engine_models.scene.scene import Scene
 from studies.failures import Failed, bug
@@ -47,19 +46,13 @@ class Case:
     """
 
     study: str
-    scene: AnyScene
+    scene: Scene
     arm: Arm
     run: RunSettings
     added: Mapping[str, Setting] = field(default_factory=dict)
     timed: bool = False
     limit_s: float = LIMIT_S
     columns: Mapping[str, Value] = field(default_factory=dict)
-
-    @property
-    def plain_scene(self) -> Scene:
-        """The scene, in a study of crank-sliders and pendulums alone."""
-        assert isinstance(self.scene, Scene)
-        return self.scene
 
     @property
     def engine(self) -> str:
@@ -86,7 +79,7 @@ class Case:
     @property
     def key(self) -> str:
         """What identifies the case together with the code and the libraries that it is run by."""
-        parts = [code_of(self.engine), self.head(), self.scene.model_dump(), asdict(self.run)]
+        parts = [code_of(self.engine), self.head(), self.scene.to_toml(), asdict(self.run)]
         return _hash(json.dumps(parts, sort_keys=True).encode())
 
     def head(self) -> Row:

@@ -11,8 +11,8 @@ import numpy as np
 from engine_models import arms
 from engine_models.engine import RunSettings, Trajectory, UnsupportedScene
 from engine_models.mechanics.states import lever_m
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.plain_words import unknown
+from engine_models.scene.scene import Scene
 from studies import accuracy, cost
 from studies.case import Case, Curves, Row, Value
 from studies.failures import BadInput
@@ -48,7 +48,7 @@ class Question:
     compared_until_s: float
 
 
-def ask(scene: AnyScene, error: float | None = None, signal: str | None = None) -> Question:
+def ask(scene: Scene, error: float | None = None, signal: str | None = None) -> Question:
     """Return the question for a scene, for which its reference solution is found.
 
     Raises:
@@ -76,11 +76,11 @@ def ask(scene: AnyScene, error: float | None = None, signal: str | None = None) 
     return Question(column, wanted if error is None else error, float(truth.time_s[samples - 1]))
 
 
-def _effort(scene: AnyScene) -> str:
+def _effort(scene: Scene) -> str:
     return "driver_torque_error_N_m" if scene.mechanism.drive.guide is None else "driver_force_error_N"
 
 
-def _judged(scene: AnyScene, truth: Trajectory) -> tuple[str, float]:
+def _judged(scene: Scene, truth: Trajectory) -> tuple[str, float]:
     clearances = scene.clearances.values()
     if not clearances and scene.speed_is_prescribed:
         assert truth.driver_torque_N_m is not None
@@ -93,7 +93,7 @@ def _judged(scene: AnyScene, truth: Trajectory) -> tuple[str, float]:
     return with_suffix(name, "error"), wanted_m / (lever_m(scene) if name.endswith("_rad") else 1.0)
 
 
-def cases(scene: AnyScene, question: Question, engines: Collection[str]) -> list[Case]:
+def cases(scene: Scene, question: Question, engines: Collection[str]) -> list[Case]:
     """Return of every setting of the engines named, or of all, the recorded run, then the bare one."""
     rungs = [rung for rung in _rungs(scene) if not engines or rung.arm.engine in engines]
     recorded = [_case(scene, question, rung, SAMPLES) for rung in rungs]
@@ -101,7 +101,7 @@ def cases(scene: AnyScene, question: Question, engines: Collection[str]) -> list
     return list({str(one.head()): one for one in recorded + timed}.values())  # two rungs may be one step
 
 
-def _rungs(scene: AnyScene) -> list[Rung]:
+def _rungs(scene: Scene) -> list[Rung]:
     """Return settings of the quick set's configurations; an engine without one says once why."""
     series: dict[str, list[Rung]] = {arm.label: [] for arm in configurations(scene)}
     for rung in ladder(scene, full=True):
@@ -115,7 +115,7 @@ def _rungs(scene: AnyScene) -> list[Rung]:
     return rungs + [Rung(arm, scene.end_time_s) for arm in AS_THEY_COME if arm.engine not in there]
 
 
-def _case(scene: AnyScene, question: Question, rung: Rung, samples: int, **timed: Value) -> Case:
+def _case(scene: Scene, question: Question, rung: Rung, samples: int, **timed: Value) -> Case:
     run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
     judged: Row = {"judged_by": question.column, "wanted_error": question.wanted}
     columns = {**judged, "motion_alone": arms.gives_motion_alone(rung.arm), **timed}

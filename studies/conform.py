@@ -16,9 +16,7 @@ from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.energy import unaccounted_part
 from engine_models.mechanics.states import observed_m
 from engine_models.mechanics.wrenches import accelerations, wrenches
-from engine_models.scene.library import SCENES
-from engine_models.scene.library.mechanisms import ALL_SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.library import ALL_SCENES, SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import converged, solved
 from studies.judges.convergence import observed_order
@@ -94,10 +92,10 @@ class Trial:
     """An engine on the beginning of a scene."""
 
     engine: Engine
-    whole: AnyScene
+    whole: Scene
 
     @cached_property
-    def scene(self) -> AnyScene:
+    def scene(self) -> Scene:
         """The beginning of the scene."""
         if self.whole.name not in SCENES:
             return self.whole
@@ -105,7 +103,7 @@ class Trial:
 
     @property
     def _constant(self) -> bool:
-        return self.whole.driven_by.kind == "constant-speed"
+        return self.whole.drive.kind == "constant-speed"
 
     @cached_property
     def run(self) -> Trajectory:
@@ -136,7 +134,7 @@ def arrays_fit(trial: Trial) -> Finding:
     scene, run = trial.scene, trial.run
     n, bodies, own = SAMPLES + 1, len(scene.mechanism.bodies), trial.engine.twin(scene)
     rubbing = {name: room.friction is not None for name, room in own.clearances.items()}
-    free = scene.driven_by.kind == "free"
+    free = scene.drive.kind == "free"
     right = {
         "position": run.position.shape == (n, bodies, 3),
         "velocity": run.velocity.shape == (n, bodies, 3),
@@ -241,7 +239,7 @@ def repeats_itself(trial: Trial) -> Finding:
 
 
 @cache
-def scene_of(name: str) -> AnyScene:
+def scene_of(name: str) -> Scene:
     """Return a scene of the library, or the beginning of a mechanism."""
     scene = ALL_SCENES[name]()
     return scene.replace("end_time_s", ENDS_S[name]) if name in ENDS_S else scene

@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from engine_models.engines import make_engine
-from engine_models.scene.library.mechanisms import ALL_SCENES
+from engine_models.scene.library import ALL_SCENES
 from studies.conform import CLAIMS, OF_ENGINE, Trial, scene_of, tried
 
 OPTION = "--crankslider-engine"

@@ -15,7 +15,7 @@ import numpy as np
 from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed
 from engine_models.engines import make_engine
 from engine_models.mechanics.states import lever_m
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.accuracy import SAMPLES, case_of
 from studies.case import Case, Curves, Row
 from studies.settings import ladder, scenes
@@ -51,7 +51,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
 
 
 @cache
-def _recorded(engine: Engine, scene: AnyScene, run: RunSettings) -> tuple[FloatArray, list[float]]:
+def _recorded(engine: Engine, scene: Scene, run: RunSettings) -> tuple[FloatArray, list[float]]:
     """Return all bodies' positions at a recorded run's end, made once in a process: it loads kernels too.
 
     Beside them is a list for the least times of the rounds that this process runs.
@@ -59,7 +59,7 @@ def _recorded(engine: Engine, scene: AnyScene, run: RunSettings) -> tuple[FloatA
     return engine.simulate(scene, run).position[-1], []
 
 
-def require_same_end(scene: AnyScene, bare: FloatArray, recorded: FloatArray) -> float:
+def require_same_end(scene: Scene, bare: FloatArray, recorded: FloatArray) -> float:
     """Return how far a bare run ends from the recorded one: centres of mass, of positions (bodies, 3).
 
     Raises:

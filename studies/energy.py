@@ -15,7 +15,7 @@ from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.energy import energy_in_play_J
 from engine_models.scene.library import SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.case import Case, Curves, Row
 from studies.judges.energy_ledger import constraint_speed_m_s, ledger
 from studies.judges.energy_rates import blocks_of, drift_rate, growth_exponent, so_far, thinned
@@ -136,7 +136,7 @@ def _series(length: Length) -> list[Case]:
     return out
 
 
-def _arms(scene: AnyScene) -> tuple[Arm, ...]:
+def _arms(scene: Scene) -> tuple[Arm, ...]:
     laws = {room.law for room in scene.clearances.values()}
     return RIGID_ARMS if laws == {"rigid"} else CLEARANCE_ARMS if laws else IDEAL_ARMS
 
@@ -165,7 +165,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     return {**row, **drift}, {name: thinned(curve, KEPT) for name, curve in curves.items()}
 
 
-def _powers(scene: AnyScene, run: Trajectory, gain: FloatArray) -> Row:
+def _powers(scene: Scene, run: Trajectory, gain: FloatArray) -> Row:
     """Return the power that no physics accounts for with its interval, and mean powers over the whole run."""
     nominal = abs(float(speeds_rad_s(scene).mean())) * scene.end_time_s / (2 * math.pi)
     rate = drift_rate(run.time_s, gain, blocks_of(nominal))
@@ -182,7 +182,7 @@ def _powers(scene: AnyScene, run: Trajectory, gain: FloatArray) -> Row:
     return row
 
 
-def _drift(scene: AnyScene, run: Trajectory) -> tuple[Row, Curves]:
+def _drift(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
     """Return the largest violation of the constraints in position and speed, and how each grows with time."""
     row: Row = {}
     curves: Curves = {}

@@ -14,16 +14,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, TypeAdapter
 
 from engine_models import arms
 from engine_models.engine import FloatArray, ImpossibleScene, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
-from engine_models.scene.data import Kind
-from engine_models.scene.file import SceneError, from_toml
+from engine_models.mechanics.states import lever_m
+from engine_models.scene.format import SceneError
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene
+from engine_models.scene.scene import Scene, with_fields
 from studies.case import Case, Curves, Row
 from studies.judges.converged_truth import converged, followed
 from studies.judges.metrics import checked, constraint_violation_m, finite, scales, signals, with_suffix
@@ -60,7 +59,8 @@ ARMS = (
 
 @dataclass(frozen=True)
 class Extreme:
-    """A case of the gallery, as ``gallery.toml`` explains it; its name is its scene's."""
+    """A case of the gallery, as ``gallery.toml`` explains it; its name is its scene's. Where no
+    scene can be so, ``refused`` is what a scene's file says, and the scene that of its base."""
 
     group: str
     scene: Scene
@@ -71,6 +71,7 @@ class Extreme:
     wanted: Wanted = "answer"
     stop_s: float | None = None
     quick: bool = False
+    refused: str = ""
     truth: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -81,36 +82,35 @@ def gallery() -> dict[str, Extreme]:
     bases = groups.pop("bases")
 
     def completed(entry: dict[str, Any]) -> dict[str, Any]:
-        name, changes = entry["base"], entry.pop("scene", {})
-        base = completed(dict(bases[name])) if name in bases else {"scene": SCENES[name]()}
-        return base | entry | {"scene": changed(base["scene"], changes)}
+        name, changes = entry["base"], paths(entry.pop("scene", {}))
+        base = completed(dict(bases[name])) if name in bases else {"scene": SCENES[name]().as_written()}
+        return base | entry | {"scene": with_fields(base["scene"], changes)}
 
     cases = {}
     for group, entries in groups.items():
         for name, entry in entries.items():
             fields = completed(entry)
-            del fields["base"]
-            fields["scene"] = changed(fields["scene"], {"name": name})
-            cases[name] = Extreme(group, **fields)
+            base = fields.pop("base")
+            try:
+                scene = Scene.checked(fields["scene"] | {"name": name})
+            except SceneError as reason:
+                scene, fields["refused"] = (
+                    Scene.checked(completed(dict(bases[base]))["scene"] | {"name": name}),
+                    str(reason),
+                )
+            cases[name] = Extreme(group, **(fields | {"scene": scene}))
     return cases
 
 
-def changed(part: Kind, changes: Mapping[str, Any]) -> Kind:
-    """Return a scene, or a part of one, with changes that nothing checks: a case may be what no scene is.
-
-    No engine gets to see it (see ``measure``).
-    """
-    fields = {}
+def paths(changes: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Return values of fields by their paths, as ``Scene.replace`` takes them; "none" takes a part away."""
+    by_path: dict[str, Any] = {}
     for name, value in changes.items():
-        old = getattr(part, name)
-        if not isinstance(value, Mapping):
-            fields[name] = None if value == "none" else value
-        elif old is None:
-            kind: Any = type(part).model_fields[name].annotation
-            fields[name] = TypeAdapter(kind).validate_python(value)
+        if isinstance(value, Mapping):
+            by_path |= paths(value, f"{within}{name}.")
         else:
-            fields[name] = changed(old, value)
-    return BaseModel.model_copy(part, update=fields)
+            by_path[f"{within}{name}"] = None if value == "none" else value
+    return by_path
 
 
 def cases(full: bool) -> list[Case]:
@@ -152,18 +152,20 @@ def measure(case: Case) -> tuple[Row, Curves]:
     Raises:
         ImpossibleScene: no scene can be so, as a scene's file says in the same words.
     """
-    scene, engine = _valid(case.plain_scene), make_engine(case.engine, **case.settings)
+    scene, engine, extreme = case.scene, make_engine(case.engine, **case.settings), gallery()[case.scene.name]
+    if extreme.refused:
+        raise ImpossibleScene(f"no such scene: {extreme.refused}")
     with np.errstate(over="ignore"):  # of a mass that is no number's inverse, of joints very far apart
         run = engine.simulate(scene, case.run)
         row: Row = {"steps": run.steps, **checked(scene, run)}
         if not finite(run):
             return row, {}
-        constraint = float(constraint_violation_m(scene, run).max()) / scene.crank.length_m
+        constraint = float(constraint_violation_m(scene, run).max()) / lever_m(scene)
         row |= {"constraint_relative": constraint} if np.isfinite(constraint) else {}
         if case.columns["wanted"] == "refusal":
             return row, {}
         own = engine.twin(scene)
-        parts = relative_errors(own, changed(own, gallery()[scene.name].truth), run)
+        parts = relative_errors(own, own.replace(paths(extreme.truth)), run)
     judged = max(parts, key=lambda name: parts[name] if np.isfinite(parts[name]) else np.inf)
     row |= {"relative_error": parts[judged]} if np.isfinite(parts[judged]) else {}
     return {**row, "judged": judged}, {}
@@ -190,13 +192,3 @@ def relative_errors(scene: Scene, true_scene: Scene, run: Trajectory) -> dict[st
 def _size(signal: FloatArray) -> FloatArray:
     """Return the size of a signal, (n,), of a vector (n, 2) its length."""
     return np.asarray(np.hypot.reduce(signal.reshape(len(signal), -1), axis=1))
-
-
-def _valid(scene: Scene) -> Scene:
-    """Return the scene as its file reads back: what is refused there no engine gets to see."""
-    try:
-        read = from_toml(scene.to_toml())
-        assert isinstance(read, Scene)
-        return read
-    except SceneError as error:
-        raise ImpossibleScene(f"no such scene: {error}") from None

@@ -14,8 +14,9 @@ import numpy as np
 from engine_models import arms
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
+from engine_models.scene.format import Clearance, Friction
 from engine_models.scene.library import CLEARANCE_SCENES, RIGID_SCENES, clearance, ideal_driven
-from engine_models.scene.scene import Clearance, Clearances, Friction, Scene
+from engine_models.scene.scene import Scene
 from studies.case import Case, Curves, Row, Value
 from studies.judges import horizon
 from studies.judges.kinds import turns_steadily
@@ -40,7 +41,7 @@ def clearance_driven_rubbing() -> Scene:
 
 
 def _at_slider(name: str, at_slider: Clearance) -> Scene:
-    return ideal_driven().model_copy(update={"name": name, "clearance": Clearances(B=at_slider)})
+    return ideal_driven().model_copy(update={"name": name, "clearance": {"B": at_slider}})
 
 
 SCENES = {
@@ -123,9 +124,9 @@ def period_s(scene: Scene) -> float:
     Raises:
         ValueError: the crank is not driven at constant speed, or stands still.
     """
-    if scene.drive.kind != "constant-speed" or scene.start.crank_speed_rad_s == 0:
+    if scene.drive.kind != "constant-speed" or scene.start.speed_rad_s["crank"] == 0:
         raise ValueError(f"scene {scene.name}: expected a crank that turns at constant speed")
-    return 2 * math.pi / abs(scene.start.crank_speed_rad_s)
+    return 2 * math.pi / abs(scene.start.speed_rad_s["crank"])
 
 
 def moves_rad(name: str, count: int) -> list[float]:
@@ -169,7 +170,7 @@ def _horizon(case: Case) -> tuple[Row, Curves]:
         "largest_distance_halved_m": float(parted.halved_m.max()),
     }
     if turns_steadily(case.scene):
-        row["revolutions"] = case.scene.end_time_s / period_s(case.plain_scene)
+        row["revolutions"] = case.scene.end_time_s / period_s(case.scene)
     for words, tolerance in TOLERANCES_M.items():
         times = [horizon.first_beyond_s(parted.time_s, one, tolerance) for one in parted.perturbed_m]
         halved = horizon.first_beyond_s(parted.time_s, parted.halved_m, tolerance)

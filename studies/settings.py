@@ -14,7 +14,6 @@ from engine_models.arms import Arm, Setting
 from engine_models.engine import FloatArray
 from engine_models.mechanics.crank_motion import expected_speeds_rad_s
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import GRID, converged
 
@@ -107,7 +106,7 @@ class Rung:
     added: Mapping[str, Setting] = field(default_factory=dict)
 
 
-def scenes(full: bool) -> list[AnyScene]:
+def scenes(full: bool) -> list[Scene]:
     """Return the scenes of accuracy and cost, those with clearance cut to the time that is followed."""
     library = {**IDEAL_SCENES, **CLEARANCE_SCENES, **RIGID_SCENES}
     ends = {**END_S, **BEFORE_REST_S}
@@ -115,7 +114,7 @@ def scenes(full: bool) -> list[AnyScene]:
     return [scene.model_copy(update={"end_time_s": ends.get(scene.name, scene.end_time_s)}) for scene in made]
 
 
-def ladder(scene: AnyScene, full: bool) -> list[Rung]:
+def ladder(scene: Scene, full: bool) -> list[Rung]:
     """Return the settings of all configurations for a scene.
 
     On ideal joints steps begin with fifty a revolution. Exudyn's DOPRI5 accepts a step that overflows: its
@@ -133,7 +132,7 @@ def ladder(scene: AnyScene, full: bool) -> list[Rung]:
     return out
 
 
-def configurations(scene: AnyScene) -> list[Arm]:
+def configurations(scene: Scene) -> list[Arm]:
     """Return the configurations of the quick set."""
     return [arm for arm, (quick, _) in _series(scene).items() if quick]
 
@@ -148,14 +147,14 @@ def by_tolerance(arm: Arm, longest_s: float, exponents: Iterable[int], **added: 
     return [Rung(arm, longest_s, {**added, **dict.fromkeys(arm.tolerances, 10.0**-k)}) for k in exponents]
 
 
-def _series(scene: AnyScene) -> Series:
+def _series(scene: Scene) -> Series:
     others = dict.fromkeys(arms.newcomers(), NEWCOMER)
     if not scene.joints_with_clearance:
         return {**others, **IDEAL}
     return {**others, **(RIGID if _between_rigid_walls(scene) else COMPLIANT)}
 
 
-def _added(scene: AnyScene, arm: Arm) -> dict[str, Setting]:
+def _added(scene: Scene, arm: Arm) -> dict[str, Setting]:
     """Return what the studies set beside the step."""
     if arm in (arms.TUNED, arms.SHORTER_IN_CONTACT):
         return {"iterations": SWEEPS}
@@ -164,7 +163,7 @@ def _added(scene: AnyScene, arm: Arm) -> dict[str, Setting]:
     return {}
 
 
-def _longest_s(scene: AnyScene, arm: Arm) -> float:
+def _longest_s(scene: Scene, arm: Arm) -> float:
     """Return the longest step of a configuration with fixed steps."""
     if not scene.joints_with_clearance:
         longest = scene.end_time_s / (50 * turns_of(scene))
@@ -172,12 +171,12 @@ def _longest_s(scene: AnyScene, arm: Arm) -> float:
     return CONTACT_STEPS.get(arm, 0.5 if arm.engine == "pymunk" else 1.0) * contact_step_s(scene)
 
 
-def turns_of(scene: AnyScene) -> float:
+def turns_of(scene: Scene) -> float:
     """Return how often the crank, or what turns, may turn round by its fastest speed; once at least."""
     return max(1.0, scene.end_time_s * float(np.abs(speeds_rad_s(scene)).max()) / (2 * np.pi))
 
 
-def speeds_rad_s(scene: AnyScene) -> FloatArray:
+def speeds_rad_s(scene: Scene) -> FloatArray:
     """Return the speed of the crank or of the turning body, or the fastest body's, at equal intervals, (n,).
 
     Of a plain crank-slider it is the drive's or else the start's, of others that of the true motion.
@@ -185,16 +184,16 @@ def speeds_rad_s(scene: AnyScene) -> FloatArray:
     Raises:
         UnsupportedScene, SimulationFailed: there is no true motion.
     """
-    if isinstance(scene, Scene) and scene.is_plain:
+    if scene.is_plain:
         return expected_speeds_rad_s(scene)
     spins = converged(scene, GRID)[0].velocity[:, :, 2]
     return np.abs(spins).max(axis=1) if scene.turning_body is None else spins[:, scene.turning_body]
 
 
-def contact_step_s(scene: AnyScene) -> float:
+def contact_step_s(scene: Scene) -> float:
     """Return a step that just resolves contacts: three thousand a revolution."""
     return 2 * np.pi / (3000 * max(float(np.abs(speeds_rad_s(scene)).max()), 20.0))
 
 
-def _between_rigid_walls(scene: AnyScene) -> bool:
+def _between_rigid_walls(scene: Scene) -> bool:
     return all(room.law == "rigid" for room in scene.clearances.values())

@@ -19,8 +19,9 @@ from engine_models.engine import RunSettings, SimulationFailed, Trajectory, Unsu
 from engine_models.engines import make_engine
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.mechanics.states import observed_m
+from engine_models.scene.format import Clearance
 from engine_models.scene.library import BEARING_RADIUS_M, clearance, ideal_driven
-from engine_models.scene.scene import Clearance, Clearances, Scene
+from engine_models.scene.scene import Scene
 from studies.case import Case, Curves, Row, ended
 from studies.judges.converged_truth import converged, followed
 from studies.judges.metrics import checked, constraint_violation_m, energy_balance_residual_J, finite
@@ -106,7 +107,7 @@ def _scene(factor: float, stiffness: float) -> Scene:
         radial_clearance_m=CLEARANCE_M, bearing_radius_m=BEARING_RADIUS_M, law="hertz", stiffness=stiffness
     )
     changes = {"name": f"stability-stiffness-{factor:g}", "end_time_s": END_S}
-    return ideal_driven().model_copy(update={**changes, "clearance": Clearances(B=at_slider)})
+    return ideal_driven().model_copy(update={**changes, "clearance": {"B": at_slider}})
 
 
 def first_impact(scene: Scene) -> tuple[float, float]:
@@ -117,10 +118,9 @@ def first_impact(scene: Scene) -> tuple[float, float]:
     delta: m a0 (c + delta) = K delta^(n+1)/(n+1), its frequency then sqrt(n K delta^(n-1)/m).
     """
     crank, rod, slider = scene.crank_slider()
-    at_slider = scene.clearance.B
-    assert at_slider is not None
+    at_slider = scene.clearance["B"]
     n, stiffness, m = exponent_of(at_slider), stiffness_of(at_slider), slider.mass_kg
-    a0 = crank.length_m * scene.start.crank_speed_rad_s**2 * (1 + crank.length_m / rod.length_m)
+    a0 = crank.length_m * scene.start.speed_rad_s["crank"] ** 2 * (1 + crank.length_m / rod.length_m)
     delta = 0.0
     for _ in range(60):  # contracts: the right side grows by less than delta does
         energy = m * a0 * (at_slider.radial_clearance_m + delta)
@@ -142,7 +142,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
         except (SimulationFailed, OverflowError) as failure:
             return {**ended(case, "failed", failure), **_verdict(DIVERGED, str(failure))}, {}
         energy = float(str(case.columns["impact_energy_J"]))
-        found = judged(case.plain_scene, run, truth, followed(own, case.run.samples), energy)
+        found = judged(case.scene, run, truth, followed(own, case.run.samples), energy)
     return {"steps": run.steps, "mean_step_s": case.scene.end_time_s / run.steps, **found}, {}
 
 

@@ -18,8 +18,7 @@ from engine_models.mechanics.assembly import start_angle, start_state
 from engine_models.mechanics.closing import closed
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.states import observed_m
-from engine_models.scene.data import SceneError
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.format import SceneError
 from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
 from engine_models.scene.units import NUMBER, in_unit, unit_of
@@ -42,7 +41,7 @@ ENDS = ("status", "reason", "warnings")
 
 
 def draw_values(
-    scene: AnyScene,
+    scene: Scene,
     vary: Mapping[str, str | Sequence[float]],
     sample: Sample = "grid",
     members: int | None = None,
@@ -167,7 +166,7 @@ def _drawn(
 
 
 def member_cases(
-    scene: AnyScene,
+    scene: Scene,
     values: Mapping[str, FloatArray],
     engine_name: str,
     engine: Engine,
@@ -211,7 +210,7 @@ def member_rows(cases: Sequence[Case], fields: Sequence[str], rows: Sequence[Row
     return pd.DataFrame({**head, **ends, **table[[name for name in table if name not in others]]})
 
 
-def member(scene: AnyScene, values: Mapping[str, float], revolutions: float) -> AnyScene:
+def member(scene: Scene, values: Mapping[str, float], revolutions: float) -> Scene:
     """Return the scene with these values in its fields, by their paths, as long as so many revolutions.
 
     They are those of the turning body at its speed at the start. Without one, or where it is at rest, a
@@ -251,7 +250,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     return {"warnings": "; ".join(warnings), **known}, {}
 
 
-def summary(scene: AnyScene, run: Trajectory, transient: float, revolutions: float) -> dict[str, float]:
+def summary(scene: Scene, run: Trajectory, transient: float, revolutions: float) -> dict[str, float]:
     """Return what a run did in the revolutions after the transient; NaN is what is not known.
 
     Of joints with clearance, all taken together: an impact is a touch; one that still lasts at the end has no
@@ -278,7 +277,7 @@ def summary(scene: AnyScene, run: Trajectory, transient: float, revolutions: flo
     pressed = np.sum([contact.normal_impulse_N_s for contact in contacts], axis=0)
     in_flight = np.all([contact.penetration_m[first:] < 0 for contact in contacts], axis=0)
     compliant = [run.contacts[joint] for joint, own in scene.clearances.items() if own.law != "rigid"]
-    subject = "slider" if isinstance(scene, Scene) and scene.is_crank_slider else "observed"
+    subject = "slider" if scene.is_crank_slider else "observed"
     return {
         "impacts_per_revolution": len(touch_s) / revolutions,
         "flight_part": float(in_flight.mean()),

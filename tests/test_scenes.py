@@ -3,12 +3,12 @@
 import ast
 from pathlib import Path
 
-from engine_models.scene.library.mechanisms import ALL_SCENES
+from engine_models.scene.library import ALL_SCENES
 from tests.scenes import NAMES, scene
 
 TESTS = Path(__file__).parent
 #: What makes a scene or a mechanism of a text or of its parts.
-MAKERS = {"from_toml", "Scene", "GeneralScene", "checked", "model_validate", "Mechanism", "MechanismData"}
+MAKERS = {"from_toml", "Scene", "checked", "model_validate", "Mechanism", "MechanismData"}
 #: Folders whose matter is such texts: input that is read, scenes as files, the form of a scene.
 OF_INPUT = ("input/", "scenes/", "engine_models/scene/")
 #: Files and folders that make scenes or mechanisms of their own, and why none of the shared ones serves.

@@ -24,7 +24,7 @@ from engine_models.engine import (
 )
 from engine_models.mechanics.assembly import start_state
 from engine_models.progress import tell
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, MechanismData, Point, Torque
 
 #: Allowed error of the rows after a step in m and rad, and the largest number of corrections in a step.
@@ -38,7 +38,7 @@ class Rattle(Engine):
     order = 2
     any_mechanism = True
 
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene for a scene that the model does not cover."""
         of = scene.mechanism
         if of.loose or of.springs or of.loads:
@@ -47,11 +47,11 @@ class Rattle(Engine):
             raise UnsupportedScene("rattle has guides on the ground only")
         torque_N_m = of.drive.law.torque_N_m if isinstance(of.drive.law, Torque) else 0.0
         if not isinstance(of.drive.law, ConstantSpeed | Torque | None) or not isinstance(torque_N_m, float):
-            raise UnsupportedScene(f"rattle has no drive like that of kind '{scene.driven_by.kind}'")
+            raise UnsupportedScene(f"rattle has no drive like that of kind '{scene.drive.kind}'")
         if of.drive.guide is not None:
             raise UnsupportedScene("rattle drives angles only")
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene; raise SimulationFailed if the joints cannot be closed."""
         self.check(scene)
         per_sample, step = settings.steps_per_sample(scene.end_time_s), settings.step_used_s(scene.end_time_s)
@@ -86,7 +86,7 @@ class Rattle(Engine):
 class Motion:
     """A mechanism at one time: its rows, its state, and the step to the next time."""
 
-    def __init__(self, scene: AnyScene) -> None:
+    def __init__(self, scene: Scene) -> None:
         of = scene.mechanism
         n, count = len(of.bodies), 2 * len(of.pins) + 2 * len(of.guides) + 1
         self.linear, self.cosine, self.sine = (np.zeros((count, size)) for size in (3 * n, n, n))

@@ -15,7 +15,6 @@ from engine_models.engine import Engine, SimulationFailed, Trajectory
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.states import observed_in_words
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.curves import curve_of
 from reference_solver.mechanism.data import Course, Motor, Table, Torque
@@ -54,7 +53,7 @@ def overshoot(of: "PPoly", y: Sequence[float]) -> Overshoot | None:
     return Overshoot(float(least), float(most), float(at[k]), float(part))
 
 
-def doubts_of_tables(scene: AnyScene) -> list[str]:
+def doubts_of_tables(scene: Scene) -> list[str]:
     """Return a line for each table of a scene whose spline leaves the range of its values."""
     of, tables = scene.mechanism, list[tuple[str, Table, str, str, str]]()
     keeps = 'interpolation = "linear" keeps to them'
@@ -87,7 +86,7 @@ def doubts_of_tables(scene: AnyScene) -> list[str]:
     return lines
 
 
-def doubts(engine: Engine, scene: AnyScene, run: Trajectory, to_tolerance: bool) -> list[str]:
+def doubts(engine: Engine, scene: Scene, run: Trajectory, to_tolerance: bool) -> list[str]:
     """Return a line for each doubt about a run; one to a tolerance has been held against more already.
 
     Raises:
@@ -104,7 +103,7 @@ def doubts(engine: Engine, scene: AnyScene, run: Trajectory, to_tolerance: bool)
         except SimulationFailed as failure:
             return [*lines, f"not tested by shorter steps: {failure}"]
         if when is not None:
-            lever = "crank" if isinstance(scene, Scene) else "longest lever"
+            lever = "crank" if scene.is_short else "longest lever"
             measure = "smallest clearance" if scene.joints_with_clearance else lever
             share = f"{100 * DOUBTFUL_PART:g} % of the {measure} or more"
             doubtful = f"{observed_in_words(scene)} in doubt by {share}"

@@ -6,7 +6,7 @@ from engine_models.engine import Engine, FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.states import guide_column, lever_m, observed_columns, observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.two_methods import sharp_solution
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: What the sharper solution itself may be off by beside these.
 MARGIN = 1.1
@@ -17,7 +17,7 @@ DOUBTFUL_PART = 0.01
 
 
 def simulate_with_uncertainty(
-    engine: Engine, scene: AnyScene, settings: RunSettings
+    engine: Engine, scene: Scene, settings: RunSettings
 ) -> tuple[Trajectory, dict[str, FloatArray]]:
     """Return a run, and bounds on the largest error over time of each of its signals.
 
@@ -43,7 +43,7 @@ def simulate_with_uncertainty(
     }
 
 
-def doubtful_from_s(engine: ReferenceEngine, scene: AnyScene, run: Trajectory) -> float | None:
+def doubtful_from_s(engine: ReferenceEngine, scene: Scene, run: Trajectory) -> float | None:
     """Return from when on the slider of the reference's run may be off by 1 % of the smallest clearance.
 
     Without clearance it is 1 % of the crank. That is where a run at half the step, and twice the steps per
@@ -58,7 +58,7 @@ def doubtful_from_s(engine: ReferenceEngine, scene: AnyScene, run: Trajectory) -
     return float(run.time_s[np.argmax(far)]) if far.any() else None
 
 
-def measure_m(scene: AnyScene) -> float:
+def measure_m(scene: Scene) -> float:
     """Return the smallest radial clearance, or without any the longest lever, the crank of a crank-slider."""
     radial = (clearance.radial_clearance_m for clearance in scene.clearances.values())
     return min(radial, default=lever_m(scene))
@@ -69,7 +69,7 @@ def _apart(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(np.abs(one - other).max(axis=0))
 
 
-def _arrays(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
+def _arrays(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
     named = {name: value for name, value in vars(run).items() if name != "time_s"}
     named["dissipated_energy_J"] = run.dissipated_energy_J
     named |= observed_columns(scene, run)

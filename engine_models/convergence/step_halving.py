@@ -15,7 +15,7 @@ from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import observed_in_words, observed_m
 from engine_models.reference.two_methods import agreed_solution
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: Runs are compared at no fewer samples than this: at a few times they may agree by chance.
 FEWEST_SAMPLES = 100
@@ -27,7 +27,7 @@ MOST_STEPS = 2_000_000
 STALLED_HALVINGS = 4
 
 
-def simulate_to_tolerance(engine: Engine, scene: AnyScene, tolerance_m: float, samples: int) -> Trajectory:
+def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samples: int) -> Trajectory:
     """Return the run at the longest step tried whose slider position is within the tolerance at all samples.
 
     A run that fails at a coarse step counts as one that is not.
@@ -64,7 +64,7 @@ def simulate_to_tolerance(engine: Engine, scene: AnyScene, tolerance_m: float, s
     raise SimulationFailed(f"{observed_in_words(scene)} not converged to {tolerance_m:g} m: {trouble}")
 
 
-def _ever_sharper(engine: Engine, scene: AnyScene, compared: int) -> Iterator[tuple[Engine, float]]:
+def _ever_sharper(engine: Engine, scene: Scene, compared: int) -> Iterator[tuple[Engine, float]]:
     """Return the engine at ever shorter steps, or with ever smaller tolerances in steps that it chooses."""
     if engine.controls_error:
         while True:

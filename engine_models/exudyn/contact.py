@@ -17,13 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.engine import Contact, FloatArray, Impacts, T, UnsupportedScene
+from engine_models.engine import Contact, FloatArray, Impacts, UnsupportedScene
 from engine_models.exudyn.motion import Motion, integral
 from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.states import pin_gap
 from engine_models.mechanics.trajectory import contact_of
 from engine_models.minimal.forces import ContactStates, Forces
-from engine_models.scene.parts import Clearance
+from engine_models.scene.format import Clearance
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contact_laws import damping_factor_of, minimum_impact_speed_of
 from reference_solver.mechanism.data import Pin
 
@@ -57,7 +58,7 @@ def native_law(clearance: Clearance) -> NativeLaw:
     return NativeLaw(2, 2 / (a + math.sqrt(a * a + 4)), 0.0)  # e'^2 + a e' - 1 = 0
 
 
-def native_twin(scene: T) -> T:
+def native_twin(scene: Scene) -> Scene:
     """Return the scene with the contact laws as Exudyn has them.
 
     Raises:

@@ -16,7 +16,6 @@ from engine_models.engine import (
     Engine,
     EngineFailed,
     RunSettings,
-    T,
     Trajectory,
     UnsupportedScene,
     require_finite,
@@ -27,7 +26,7 @@ from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
 from engine_models.minimal.forces import Forces
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: Solvers of the absolute model and of the tree, by their orders; None where a tolerance decides.
 IMPLICIT = {"TrapezoidalIndex2": 2, "GeneralizedAlpha": 2}
@@ -70,21 +69,21 @@ class ExudynEngine(Engine):
 
     any_mechanism: ClassVar[bool] = True
 
-    def solver_of(self, scene: AnyScene) -> str:
+    def solver_of(self, scene: Scene) -> str:
         """Return the solver that runs a scene: the one set, or what ``auto`` stands for."""
         if self.solver != "auto":
             return self.solver
         has_tree = scene.joints_with_clearance and not why_no_tree(scene.mechanism)
         return "DOPRI5" if has_tree else "TrapezoidalIndex2"
 
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""
         native_twin(scene)
         reason = why_no_tree(scene.mechanism)
         if reason and self.solver_of(scene) in EXPLICIT:
             raise UnsupportedScene(f"exudyn's solver {self.solver} cannot run this scene: {reason}")
 
-    def twin(self, scene: T) -> T:
+    def twin(self, scene: Scene) -> Scene:
         """Return the scene with the contacts as Exudyn has them: they may pull, friction saturates linearly.
 
         A friction law that is a hyperbolic tangent becomes linear up to the same speed.
@@ -101,7 +100,7 @@ class ExudynEngine(Engine):
         """Return the engine with a tenth of its tolerance, which is for solvers that choose their steps."""
         return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
 
-    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the solve with nothing recorded but its ends.
 
         Raises:
@@ -111,7 +110,7 @@ class ExudynEngine(Engine):
         run: BareRun = _runs().bare_run(self, scene, settings)
         return run
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run a scene.
 
         Raises:
@@ -130,7 +129,7 @@ class ExudynEngine(Engine):
                 raise
             raise EngineFailed(f"{failure}; solver = GeneralizedAlpha may come through") from failure
 
-    def _recorded(self, scene: AnyScene, run: RunSettings) -> tuple[int, int]:
+    def _recorded(self, scene: Scene, run: RunSettings) -> tuple[int, int]:
         """Return of how many steps at least Exudyn's sensors keep something, and how many bytes of each."""
         steps = run.samples * run.steps_per_sample(scene.end_time_s)
         threes = max(1, math.ceil(len(scene.mechanism.bodies) / 3))
@@ -139,7 +138,7 @@ class ExudynEngine(Engine):
         return bool(Forces(scene).integrated) * steps, threes * BYTES_PER_STEP
 
 
-def steps_as_they_come(engine: ExudynEngine, scene: AnyScene) -> bool:
+def steps_as_they_come(engine: ExudynEngine, scene: Scene) -> bool:
     """Return whether samples may lie between steps: with clearance, and without constraints."""
     return bool(scene.joints_with_clearance) or engine.solver_of(scene) in EXPLICIT
 

@@ -28,7 +28,8 @@ from engine_models.mechanics.start_check import checked_start
 from engine_models.mechanics.states import JointGap, pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces
-from engine_models.scene.parts import AnyScene, Clearance
+from engine_models.scene.format import Clearance
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Course, Guide, Point
 
 items: Any = itemInterface  # its constructors carry no types
@@ -55,7 +56,7 @@ class Model:
     forces: Forces
 
 
-def build_model(scene: AnyScene, tree: bool = False) -> Model:
+def build_model(scene: Scene, tree: bool = False) -> Model:
     """Return the assembled absolute model, or the tree model where ideal joints close no loop."""
     container, (position, velocity), of = exu.SystemContainer(), checked_start(scene), scene.mechanism
     built = _Building(container.AddSystem(), scene, tree, position, velocity)
@@ -86,7 +87,7 @@ class _Building:
     """A system with the bodies of a scene at their start, (bodies, 3) each; more is added to it."""
 
     def __init__(
-        self, mbs: exu.MainSystem, scene: AnyScene, tree: bool, position: FloatArray, velocity: FloatArray
+        self, mbs: exu.MainSystem, scene: Scene, tree: bool, position: FloatArray, velocity: FloatArray
     ) -> None:
         self.mbs, self.of, self.tree, self.forces = mbs, scene.mechanism, tree, Forces(scene)
         self.branches, self._places = branches_of(self.of, tree, position, velocity)

@@ -15,13 +15,13 @@ from engine_models.exudyn.solver import silence, simulation_settings, solve
 from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces, Reactions
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: A recorded time may differ from its place on the grid by rounding, never by this part of an interval.
 TIME_TOLERANCE = 1e-6
 
 
-def exudyn_run(engine: ExudynEngine, scene: AnyScene, run: RunSettings) -> Trajectory:
+def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajectory:
     """Run a scene that the engine supports; numbers may come out that are not finite.
 
     Samples of runs with steps as they come lie between steps (see ``Motion``).
@@ -81,7 +81,7 @@ def exudyn_run(engine: ExudynEngine, scene: AnyScene, run: RunSettings) -> Traje
         )
 
 
-def bare_run(engine: ExudynEngine, scene: AnyScene, run: RunSettings) -> BareRun:
+def bare_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> BareRun:
     """Return the same solve with nothing recorded but its ends; numbers may come out that are not finite.
 
     Raises:
@@ -104,7 +104,7 @@ def _reactions(forces: Forces, motion: Motion, time_s: FloatArray) -> Reactions:
     return forces.reactions(time_s, *motion.at(time_s), contact_states(forces, motion, time_s))
 
 
-def _recorded(scene: AnyScene, model: Model, tree: bool) -> Motion:
+def _recorded(scene: Scene, model: Model, tree: bool) -> Motion:
     """Return what the model's sensors recorded.
 
     Raises:

@@ -19,7 +19,7 @@ from engine_models.mechanics.states import lever_m, shortest_m
 from engine_models.minimal.forces import Forces
 from engine_models.pace import Pace
 from engine_models.scene.mechanism import levers_m
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contact_laws import stiffness_of
 from reference_solver.mechanism.data import Motor
 
@@ -57,7 +57,7 @@ def silence() -> Iterator[None]:
 
 
 def simulation_settings(
-    engine: ExudynEngine, scene: AnyScene, forces: Forces, run: RunSettings, every: int
+    engine: ExudynEngine, scene: Scene, forces: Forces, run: RunSettings, every: int
 ) -> exu.SimulationSettings:
     """Return all settings of a run: equal steps to the end, unless events or a tolerance shorten them.
 
@@ -96,7 +96,7 @@ def simulation_settings(
     return settings
 
 
-def newton_bound(scene: AnyScene, forces: Forces, solver: str, step_s: float) -> float:
+def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> float:
     """Return the increment, in m and rad, below which Newton's method need not go on in steps of a length.
 
     Powers are of the angle that the quickest body turns in a step. The first increment is of the second
@@ -116,7 +116,7 @@ def newton_bound(scene: AnyScene, forces: Forces, solver: str, step_s: float) ->
     return max(bound, LEAST_INCREMENT)
 
 
-def _quickest_rad_s(scene: AnyScene, forces: Forces) -> float:
+def _quickest_rad_s(scene: Scene, forces: Forces) -> float:
     """Return how fast a body turns at the start, or is driven at the fastest; what is free may swing."""
     of = scene.mechanism
     if of.drive.prescribes:
@@ -160,7 +160,7 @@ def _set_adaptive(integration: exu.TimeIntegrationSettings, engine: ExudynEngine
     integration.stepSizeMaxIncrease, integration.stepSizeSafety = GROWTH_ADAPTIVE, engine.step_safety
 
 
-def _locate_events(integration: exu.TimeIntegrationSettings, scene: AnyScene, gap_m: float) -> None:
+def _locate_events(integration: exu.TimeIntegrationSettings, scene: Scene, gap_m: float) -> None:
     """Let steps end where contacts switch, as closely as a gap, and grow again."""
     integration.adaptiveStep = True
     integration.adaptiveStepDecrease, integration.adaptiveStepIncrease = 0.5, GROWTH
@@ -173,7 +173,7 @@ def _locate_events(integration: exu.TimeIntegrationSettings, scene: AnyScene, ga
     switching.iterationTolerance = gap_m * min(stiffness_of(wall) for wall in scene.clearances.values())
 
 
-def _tell_steps(mbs: exu.MainSystem, scene: AnyScene) -> list[BaseException]:
+def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
     """Have Exudyn call back before every step to tell how far it has come; return what was raised there.
 
     Only if somebody listens: a call takes 1 to 3 us. It changes nothing in the run.
@@ -197,7 +197,7 @@ def _tell_steps(mbs: exu.MainSystem, scene: AnyScene) -> list[BaseException]:
     return raised
 
 
-def solve(scene: AnyScene, model: Model, settings: exu.SimulationSettings, timeout_s: float) -> float:
+def solve(scene: Scene, model: Model, settings: exu.SimulationSettings, timeout_s: float) -> float:
     """Run the solver; return its wall time in s.
 
     Raises:

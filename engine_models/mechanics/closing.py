@@ -12,7 +12,7 @@ from engine_models.engine import FloatArray
 from engine_models.mechanics.reactions import held, solve_systems, unit_wrenches
 from engine_models.mechanics.states import off_line, pin_gap, turned_apart
 from engine_models.mechanics.wrenches import inertias
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: Positions that are closed at a time, which bounds the memory; steps at the most, and turns in a step.
 AT_ONCE, MOST_STEPS, TURN_RAD = 4096, 12, 0.5
@@ -23,7 +23,7 @@ SHORT = 1e-9
 DEPENDENT = 1e-2
 
 
-def closed(scene: AnyScene, position: FloatArray, turning: int | None) -> FloatArray:
+def closed(scene: Scene, position: FloatArray, turning: int | None) -> FloatArray:
     """Return the positions (n, bodies, 3) nearest to given ones with all joints closed; NaN where none is.
 
     They are the nearest to first order in the distance. A ``turning`` body keeps its angle. A body in a guide

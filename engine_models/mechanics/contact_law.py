@@ -6,7 +6,7 @@ F = K delta^n (1 + a(e) delta'/v0) + c delta', v0 the approach speed at touch, n
 import math
 from typing import NamedTuple
 
-from engine_models.scene.scene import Clearance
+from engine_models.scene.format import Clearance
 from reference_solver.mechanism.contact_laws import (
     clips,
     damping_factor_of,

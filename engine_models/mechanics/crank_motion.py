@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed
-from engine_models.scene.drives import FluctuatingDrive, RampDrive
-from engine_models.scene.mechanism import law_of
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.format import FluctuatingDrive, RampDrive
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import data
 from reference_solver.mechanism.curves import curve_of
@@ -39,14 +37,11 @@ class CrankMotion:
         return float(self.speed_rad_s(np.zeros(1))[0])
 
 
-def crank_motion(scene: AnyScene) -> CrankMotion | None:
+def crank_motion(scene: Scene) -> CrankMotion | None:
     """Return the motion of what is driven, None where its speed is not prescribed.
 
     Along a guide the angle is a way in m, and so on.
     """
-    if isinstance(scene, Scene) and scene.is_plain:  # sweeps have many, and no use for the rest of it
-        law = law_of(scene.drive, scene.start.crank_speed_rad_s)
-        return motion_of(data.DriveData(0, law=law, clock_s=scene.clock_s))
     return motion_of(scene.mechanism.drive)
 
 
@@ -80,28 +75,27 @@ def motion_of(drive: data.DriveData) -> CrankMotion | None:
 def expected_speeds_rad_s(scene: Scene) -> FloatArray:
     """Return the crank's speed at equal intervals of a run, (n,), as far as it is known: else the start's."""
     motion = crank_motion(scene)
-    speed = scene.start.crank_speed_rad_s
     if motion is None:
-        return np.full(SPEEDS, speed)
+        return np.full(SPEEDS, scene.placed.v[2])
     return motion.speed_rad_s(np.linspace(0.0, scene.end_time_s, SPEEDS))
 
 
-def quickest_s(scene: AnyScene) -> float:
+def quickest_s(scene: Scene) -> float:
     """Return how long a ramp or a period of a fluctuation takes in s, infinite without one."""
-    drive = scene.driven_by
+    drive = scene.drive
     if isinstance(drive, RampDrive):
         return drive.ramp_time_s
     return 1.0 / drive.frequency_Hz if isinstance(drive, FluctuatingDrive) else math.inf
 
 
-def require_followed(scene: AnyScene, step_s: float) -> None:
+def require_followed(scene: Scene, step_s: float) -> None:
     """Refuse a run whose steps of one length are too long for what the driver does.
 
     Raises:
         SimulationFailed: a ramp, or a period of a fluctuation, has fewer than ``FEWEST_STEPS`` of them.
     """
     if quickest_s(scene) < FEWEST_STEPS * step_s:
-        field = "ramp_time_s" if scene.driven_by.kind == "ramp" else "frequency_Hz"
+        field = "ramp_time_s" if scene.drive.kind == "ramp" else "frequency_Hz"
         raise SimulationFailed(
             f"drive.{field}: expected at least {FEWEST_STEPS} steps in {quickest_s(scene):.3g} s, "
             f"got steps of {step_s:.3g} s: shorten the step"

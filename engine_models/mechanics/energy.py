@@ -8,8 +8,8 @@ from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.mechanics.loads import load_forces
 from engine_models.mechanics.states import lever_m, point_motion
-from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Clearance
+from engine_models.scene.format import Clearance
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contact_laws import stored_J
 from reference_solver.mechanism.data import Spring
 
@@ -24,14 +24,14 @@ def elastic_energy_J(clearance: Clearance, penetration: FloatArray) -> FloatArra
     return stored_J(stiffness_of(clearance), exponent_of(clearance), penetration)
 
 
-def kinetic_energy_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
+def kinetic_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the kinetic energy of the bodies, (n,)."""
     bodies = scene.mechanism.bodies
     inertia = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in bodies])
     return np.asarray(np.sum(inertia * trajectory.velocity**2, axis=(1, 2)) / 2)
 
 
-def potential_energies_J(scene: AnyScene, trajectory: Trajectory) -> dict[str, FloatArray]:
+def potential_energies_J(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray]:
     """Return the parts of the potential energy that the scene has, (n,): gravitational, spring, elastic.
 
     Gravity's is zero at the origin; contacts are elastic.
@@ -54,13 +54,13 @@ def _spring_energy_J(spring: Spring, position: FloatArray) -> FloatArray:
     return np.asarray(spring.stiffness_N_m / 2 * (np.hypot(*(j - i).T) - spring.free_length_m) ** 2)
 
 
-def potential_energy_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
+def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the potential energy, (n,)."""
     parts = potential_energies_J(scene, trajectory).values()
     return np.asarray(sum(parts, start=np.zeros(len(trajectory.time_s))))
 
 
-def numerical_gain_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
+def numerical_gain_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the energy since t = 0 that no physics accounts for, (n,): positive if made, negative if lost.
 
     Unlike the energy balance residual it holds what stabilisation removed, which is not physics either and
@@ -71,13 +71,13 @@ def numerical_gain_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
     return np.asarray(energy - energy[0] - trajectory.work_J + (0.0 if lost is None else lost))
 
 
-def energy_balance_residual_J(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
+def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the energy gained since t = 0 beyond work done and energy dissipated, (n,): zero if exact."""
     gain, removed = numerical_gain_J(scene, trajectory), trajectory.stabilisation_loss_J
     return gain if removed is None else gain + removed
 
 
-def unaccounted_part(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
+def unaccounted_part(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the size of the energy that no physics accounts for, in parts of that in play, (n,).
 
     Wherever an energy is told in percent it is this.
@@ -85,7 +85,7 @@ def unaccounted_part(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
     return np.abs(numerical_gain_J(scene, trajectory)) / energy_in_play_J(scene, trajectory)
 
 
-def energy_in_play_J(scene: AnyScene, trajectory: Trajectory) -> float:
+def energy_in_play_J(scene: Scene, trajectory: Trajectory) -> float:
     """Return the largest energy in a run as far as it is finite, with a little more for round-off, > 0.
 
     It is the largest of kinetic energy, potential energy gained or spent, and the works of driver and loads.
@@ -99,7 +99,7 @@ def energy_in_play_J(scene: AnyScene, trajectory: Trajectory) -> float:
     return float(np.max(parts, initial=0.0, where=np.isfinite(parts)) + rounding)
 
 
-def _of_forces_J(scene: AnyScene, trajectory: Trajectory) -> float:
+def _of_forces_J(scene: Scene, trajectory: Trajectory) -> float:
     """Return what weight, load and driver do in a radian of the crank at most, at their medians over time."""
     of = scene.mechanism
     weight = math.hypot(*of.gravity_m_s2) * sum(body.mass_kg for body in of.bodies)

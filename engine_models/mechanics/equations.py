@@ -6,15 +6,15 @@ import numpy as np
 
 from engine_models.engine import Contact, FloatArray, Impacts, SimulationFailed, Trajectory
 from engine_models.mechanics.trajectory import contact_of, trajectory_of
-from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Clearance, Scene
+from engine_models.scene.format import Clearance
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism import building
 from reference_solver.mechanism.constraints import row_slices
 from reference_solver.mechanism.mechanism import Load, Mechanism
 from reference_solver.solution import Solution
 
 
-def mechanism_of(scene: AnyScene) -> Mechanism:
+def mechanism_of(scene: Scene) -> Mechanism:
     """Return the mechanism; a joint with clearance has no rows, and is a contact.
 
     Raises:
@@ -26,13 +26,13 @@ def mechanism_of(scene: AnyScene) -> Mechanism:
         raise SimulationFailed(str(reason)) from None
 
 
-def loads_of(scene: AnyScene) -> dict[str, Load]:
+def loads_of(scene: Scene) -> dict[str, Load]:
     """Return the mechanism's loads in their order by their names (see ``building.loads_of``)."""
     return building.loads_of(scene.mechanism)
 
 
 def trajectory_of_solution(
-    scene: AnyScene, solution: Solution, step_s: float, solve_time_s: float, stabilised: bool
+    scene: Scene, solution: Solution, step_s: float, solve_time_s: float, stabilised: bool
 ) -> Trajectory:
     """Return the trajectory at the solution's samples."""
     multipliers, of = solution.multipliers, scene.mechanism
@@ -71,9 +71,9 @@ def trajectory_of_solution(
     )
 
 
-def _works_of_loads(scene: AnyScene, solution: Solution) -> dict[str, FloatArray]:
+def _works_of_loads(scene: Scene, solution: Solution) -> dict[str, FloatArray]:
     """Return the works that the solution has integrated, by the names of ``loads_of``."""
-    short = "slider." if isinstance(scene, Scene) else ""
+    short = "slider." if scene.is_short else ""
     names = {f"load{k}": name.removeprefix(short) for k, name in enumerate(loads_of(scene))}
     return {names[sum_]: work for sum_, work in solution.sums.items() if sum_ in names}
 

@@ -9,38 +9,20 @@ import numpy as np
 
 from engine_models.engine import Contact, FloatArray
 from engine_models.mechanics.states import JointGap, pin_gap
-from engine_models.scene.parts import AnyScene, Clearance
+from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import ClearanceData
 
 CRANK, ROD, SLIDER = range(3)
 
-#: A body, None for the ground, and a place on it along its axis from its centre of mass.
-End = tuple[int | None, float]
 
-
-def ends(scene: Scene) -> dict[str, tuple[End, End]]:
-    """Return pin and bearing of every joint."""
-    crank, rod = scene.crank, scene.rod
-    s = crank.centre_of_mass_m
-    pivot: tuple[End, End] = (CRANK, -s), (None, 0.0)
-    if rod is None:
-        return {"O": pivot}
-    d = rod.centre_of_mass_m
-    return {
-        "O": pivot,
-        "A": ((ROD, -d), (CRANK, crank.length_m - s)),
-        "B": ((SLIDER, 0.0), (ROD, rod.length_m - d)),
-    }
-
-
-def joint_gap(scene: AnyScene, joint: str, position: FloatArray, velocity: FloatArray) -> JointGap:
+def joint_gap(scene: Scene, joint: str, position: FloatArray, velocity: FloatArray) -> JointGap:
     """Return a joint's gap in states (n, bodies, 3)."""
     pin = next(pin for pin in scene.mechanism.pins if pin.name == joint)
     return pin_gap(pin, position, velocity)
 
 
-def gaps(scene: AnyScene, position: FloatArray) -> dict[str, FloatArray]:
+def gaps(scene: Scene, position: FloatArray) -> dict[str, FloatArray]:
     """Return the vector (n, 2) in m from the bearing to the pin of each joint in positions (n, bodies, 3)."""
     at_rest = np.zeros_like(position)
     return {pin.name: pin_gap(pin, position, at_rest).gap_m for pin in scene.mechanism.pins}

@@ -3,48 +3,18 @@
 Parts are named "BODY.force", "BODY.viscous" and so on: of a slider's load without its name, "force".
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from engine_models.engine import FloatArray
 from engine_models.mechanics.states import point_motion, way
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.curves import curve_of
 from reference_solver.mechanism.data import Load, MechanismData, Motor, Spring, Table, Torque
 
-#: Parts of a slider's load whose works are integrals over time: those of the others follow from the states.
-INTEGRATED = ("viscous", "gas")
 #: Parts of any load whose works follow from the positions.
 EXACT = ("force", "spring", "torque")
-
-
-def parts_of(scene: Scene) -> tuple[str, ...]:
-    """Return the parts of the slider's load that there are: force, viscous, spring, gas, in this order."""
-    load = scene.load.slider
-    if load is None:
-        return ()
-    values = {
-        "force": load.force_N,
-        "viscous": load.viscous_N_s_m,
-        "spring": load.spring_N_m,
-        "gas": load.gas,
-    }
-    return tuple(name for name, value in values.items() if value)
-
-
-def integrated_parts(scene: Scene) -> tuple[str, ...]:
-    """Return those parts of the load whose works an engine has to integrate."""
-    return tuple(part for part in parts_of(scene) if part in INTEGRATED)
-
-
-def gas_force(scene: Scene) -> Callable[[FloatArray], FloatArray]:
-    """Return the gas's force in N on the slider along +x as a function of crank angles (n,) in rad."""
-    assert scene.load.slider is not None
-    assert scene.load.slider.gas is not None
-    spline = scene.load.slider.gas.spline()
-    return lambda angle: np.asarray(spline(angle))
 
 
 def slider_forces(scene: Scene, position: FloatArray, velocity: FloatArray) -> dict[str, FloatArray]:
@@ -120,14 +90,14 @@ def _stretched(spring: Spring, position: FloatArray, velocity: FloatArray) -> tu
 
 
 def load_powers_W(
-    scene: AnyScene, time_s: FloatArray, position: FloatArray, velocity: FloatArray
+    scene: Scene, time_s: FloatArray, position: FloatArray, velocity: FloatArray
 ) -> dict[str, FloatArray]:
     """Return the powers (n,), at times (n,) in states (n, bodies, 3), of what has no other work.
 
     They are those of ``integrated_works`` but "driver".
     """
     of, powers = scene.mechanism, dict[str, FloatArray]()
-    short = "slider." if isinstance(scene, Scene) else ""
+    short = "slider." if scene.is_short else ""
     forces, torques = load_forces(of, time_s, position, velocity), load_torques(of, time_s, velocity)
     for load in of.loads:
         body = f"{of.bodies[load.body].name}."
@@ -144,9 +114,9 @@ def load_powers_W(
     return {name: powers[name] for name in integrated_works(scene) if name != "driver"}
 
 
-def integrated_works(scene: AnyScene) -> tuple[str, ...]:
+def integrated_works(scene: Scene) -> tuple[str, ...]:
     """Return the works that an engine has to integrate, by the names of ``load_works_J``, and "driver"."""
-    of, short = scene.mechanism, "slider." if isinstance(scene, Scene) else ""
+    of, short = scene.mechanism, "slider." if scene.is_short else ""
     names = [
         f"{of.bodies[load.body].name}.{part}".removeprefix(short)
         for load in of.loads
@@ -160,14 +130,14 @@ def integrated_works(scene: AnyScene) -> tuple[str, ...]:
 
 
 def load_works_J(
-    scene: AnyScene, position: FloatArray, integrated: Mapping[str, FloatArray]
+    scene: Scene, position: FloatArray, integrated: Mapping[str, FloatArray]
 ) -> dict[str, FloatArray]:
     """Return the work of each part of the loads since the first of positions (n, bodies, 3), (n,).
 
     Those of forces and torques without a potential are given, and what springs' dampers take.
     """
     of, works, at_rest = scene.mechanism, dict[str, FloatArray](), np.zeros_like(position)
-    short = "slider." if isinstance(scene, Scene) else ""
+    short = "slider." if scene.is_short else ""
     for load in of.loads:
         exact, body = dict[str, FloatArray](), of.bodies[load.body].name
         if load.line is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
 from engine_models.mechanics.energy import unaccounted_part
 from engine_models.mechanics.states import off_line, pin_gap, shortest_m, turned_apart
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Quality:
         ]
 
 
-def quality_of(scene: AnyScene, trajectory: Trajectory) -> Quality:
+def quality_of(scene: Scene, trajectory: Trajectory) -> Quality:
     """Return the quality of an engine's run of a scene, as far as its samples show it."""
     with np.errstate(all="ignore"):  # an overflow is a finding
         found = {ENERGY: unaccounted_part(scene, trajectory)}
@@ -122,14 +122,14 @@ def quality_of(scene: AnyScene, trajectory: Trajectory) -> Quality:
     return Quality(findings, trajectory.step_s)
 
 
-def require_quality(scene: AnyScene, trajectory: Trajectory) -> Trajectory:
+def require_quality(scene: Scene, trajectory: Trajectory) -> Trajectory:
     """Return the trajectory, or raise SimulationFailed where its quality makes it none."""
     if (reason := quality_of(scene, trajectory).failure()) is not None:
         raise SimulationFailed(reason)
     return trajectory
 
 
-def constraint_violation_m(scene: AnyScene, trajectory: Trajectory) -> FloatArray:
+def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the largest gap of the ideal joints and of bodies from their guides, (n,).
 
     A body that has turned on its guide is off by its angle times the shortest distance of two joints.
@@ -137,7 +137,7 @@ def constraint_violation_m(scene: AnyScene, trajectory: Trajectory) -> FloatArra
     return open_by_m(scene, trajectory.position, trajectory.position[:1])
 
 
-def open_by_m(scene: AnyScene, position: FloatArray, start: FloatArray) -> FloatArray:
+def open_by_m(scene: Scene, position: FloatArray, start: FloatArray) -> FloatArray:
     """Return the same in positions (n, bodies, 3) of a run from a start (1, bodies, 3)."""
     of, x, still = scene.mechanism, position, np.zeros_like(position)
     violations = [np.zeros(len(position))]

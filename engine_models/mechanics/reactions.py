@@ -14,7 +14,7 @@ from engine_models.engine import Contact, FloatArray
 from engine_models.mechanics.joints import ContactForces, contact_force
 from engine_models.mechanics.trajectory import drive_torque
 from engine_models.mechanics.wrenches import Wrenches, accelerations, inertias
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import Guide, MechanismData
 
 
@@ -32,7 +32,7 @@ class Reactions:
 
 
 def reactions(
-    scene: AnyScene,
+    scene: Scene,
     time_s: FloatArray,
     position: FloatArray,
     velocity: FloatArray,

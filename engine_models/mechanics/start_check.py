@@ -9,7 +9,6 @@ from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.contact_law import damping_factor_of
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.joints import CRANK, SLIDER, directions, joint_gap, penetration_m
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.assembly import NotAssembled, require_closed
 
@@ -18,7 +17,7 @@ from reference_solver.mechanism.assembly import NotAssembled, require_closed
 START_TOLERANCE = 1e-9
 
 
-def checked_start(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
+def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
     """Return the positions and velocities at t = 0, each (bodies, 3).
 
     Angles are without whole turns, by twos, after which gas is the same: ``unwound`` gives them back. They
@@ -31,7 +30,6 @@ def checked_start(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
     """
     position, velocity = start_state(scene)
     if scene.is_plain:
-        assert isinstance(scene, Scene)
         _require_closed(scene, position, velocity)
     else:
         try:
@@ -69,7 +67,7 @@ def _turns(position: FloatArray) -> FloatArray:
     return turns
 
 
-def _require_touches(scene: AnyScene, position: FloatArray, velocity: FloatArray) -> None:
+def _require_touches(scene: Scene, position: FloatArray, velocity: FloatArray) -> None:
     """Require of pins that come out of their walls that no force depends on how fast they went in.
 
     With the default floor of that speed instead the damping is so large that the pin sticks, in ever so many
@@ -91,7 +89,7 @@ def _require_touches(scene: AnyScene, position: FloatArray, velocity: FloatArray
             )
 
 
-def unwound(scene: AnyScene, trajectory: Trajectory) -> Trajectory:
+def unwound(scene: Scene, trajectory: Trajectory) -> Trajectory:
     """Return a run from ``checked_start`` with the scene's own turns in the bodies' angles again."""
     trajectory.position[...] += _turns(start_state(scene)[0])
     return trajectory

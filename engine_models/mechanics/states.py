@@ -9,7 +9,6 @@ import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene.mechanism import levers_m
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND as GROUND
 from reference_solver.mechanism.data import Line as Line
@@ -101,29 +100,29 @@ def turned_apart(line: Line, position: FloatArray) -> FloatArray:
     return np.asarray(next(angles) - next(angles))
 
 
-def lever_m(scene: AnyScene) -> float:
+def lever_m(scene: Scene) -> float:
     """Return the longest distance between two points of a body at joints, or from its centre of mass, in m.
 
     Of a crank-slider or a pendulum it is the crank's length.
     """
-    if isinstance(scene, Scene):
-        return scene.crank.length_m
+    if scene.is_short:
+        return scene.short.crank.length_m
     return max(levers_m(scene.mechanism), default=0.0) or 1.0
 
 
-def shortest_m(scene: AnyScene) -> float:
+def shortest_m(scene: Scene) -> float:
     """Return the shortest distance between two joints of a body in m, or the longest lever without one."""
-    if isinstance(scene, Scene):
-        return min([scene.crank.length_m, *([scene.rod.length_m] if scene.rod else [])])
+    if scene.is_short:
+        return min(link.length_m for link in (scene.short.crank, scene.short.rod) if link)
     return min((lever for lever in levers_m(scene.mechanism) if lever > 0), default=lever_m(scene))
 
 
-def observed(scene: AnyScene, run: Trajectory) -> tuple[FloatArray, FloatArray]:
+def observed(scene: Scene, run: Trajectory) -> tuple[FloatArray, FloatArray]:
     """Return what a scene observes, in m or rad, and its rate, (n,) each.
 
     A crank-slider's is the slider's way along its guide, a pendulum's the place of its pin A along x.
     """
-    if isinstance(scene, Scene) and scene.is_plain and scene.is_crank_slider:
+    if scene.is_plain and scene.is_crank_slider:
         return run.position[:, -1, 0], run.velocity[:, -1, 0]
     of = scene.observed
     if of.what == "angle":
@@ -134,16 +133,16 @@ def observed(scene: AnyScene, run: Trajectory) -> tuple[FloatArray, FloatArray]:
     return point.place_m[:, axis], point.rate_m_s[:, axis]
 
 
-def observed_m(scene: AnyScene, run: Trajectory) -> FloatArray:
+def observed_m(scene: Scene, run: Trajectory) -> FloatArray:
     """Return what a scene observes in m, (n,): an angle times the longest lever."""
     value, _ = observed(scene, run)
     is_angle = not scene.is_plain and scene.observed.what == "angle"
     return lever_m(scene) * value if is_angle else value
 
 
-def observed_columns(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
+def observed_columns(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
     """Return what a scene observes, and its rate, (n,) each, by their columns: ``observed_B_x_m``."""
-    if isinstance(scene, Scene) and scene.is_crank_slider:
+    if scene.is_crank_slider:
         names = "slider_position_m", "slider_velocity_m_s"
     else:
         of = scene.observed
@@ -152,14 +151,14 @@ def observed_columns(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
     return dict(zip(names, observed(scene, run), strict=True))
 
 
-def guide_column(scene: AnyScene, guide: str) -> str:
+def guide_column(scene: Scene, guide: str) -> str:
     """Return the column of a guide's normal force; that of a crank-slider goes without its name."""
-    return "guide_normal_force_N" if isinstance(scene, Scene) else f"guide_{guide}_normal_force_N"
+    return "guide_normal_force_N" if scene.is_short else f"guide_{guide}_normal_force_N"
 
 
-def observed_in_words(scene: AnyScene) -> str:
+def observed_in_words(scene: Scene) -> str:
     """Return what a tolerance is of, in words."""
-    if isinstance(scene, Scene):
+    if scene.is_crank_slider:
         return "slider position"
     of = scene.observed
     scaled = f" times the longest lever, {lever_m(scene):.3g} m" if of.what == "angle" else ""

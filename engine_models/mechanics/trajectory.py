@@ -9,14 +9,15 @@ from engine_models.mechanics.contact_law import clips
 from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.mechanics.joints import penetration_m
 from engine_models.mechanics.loads import load_works_J
-from engine_models.scene.parts import AnyScene, Clearance
+from engine_models.scene.format import Clearance
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.curves import curve_of
 from reference_solver.mechanism.data import DriveData, Motor, Torque
 from reference_solver.mechanism.motor import motor_torque
 
 
 def trajectory_of(
-    scene: AnyScene,
+    scene: Scene,
     *,
     time_s: FloatArray,
     position: FloatArray,

@@ -13,7 +13,7 @@ from engine_models.engine import Contact, FloatArray, Trajectory
 from engine_models.mechanics.joints import ContactForces, contact_force, directions, levers
 from engine_models.mechanics.loads import load_forces, load_torques, spring_forces
 from engine_models.mechanics.states import direction, point_motion
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND, Line, MechanismData, Pin, Point
 
 
@@ -91,7 +91,7 @@ def sum_of(parts: Mapping[str, FloatArray], begin: str, n: int) -> FloatArray:
     return np.asarray(sum((part for name, part in parts.items() if name.startswith(begin)), np.zeros(n)))
 
 
-def wrenches(scene: AnyScene, run: Trajectory) -> FloatArray:
+def wrenches(scene: Scene, run: Trajectory) -> FloatArray:
     """Return all that acts in a run, weight left out, on the bodies and on the ground: (n, bodies + 1, 3)."""
     of, acting = scene.mechanism, Wrenches(run.position)
     acting.loads(of, run.time_s, run.velocity)

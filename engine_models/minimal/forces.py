@@ -18,7 +18,6 @@ from engine_models.engine import Contact, FloatArray, Trajectory
 from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Numbers
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import data
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
@@ -92,9 +91,9 @@ def force_on_pin(contact: Contact | ContactStates) -> FloatArray:
 class Forces(Numbers):
     """The forces on the bodies of a scene's mechanism, and its reactions, in any states."""
 
-    def __init__(self, scene: AnyScene) -> None:
+    def __init__(self, scene: Scene) -> None:
         super().__init__(scene.mechanism, np.zeros(3 * len(scene.mechanism.bodies)), _damping_of)
-        self._short = "slider." if isinstance(scene, Scene) else ""
+        self._short = "slider." if scene.is_short else ""
         bodies = self._block(eq.BODIES)
         #: Mass, mass and inertia of every body, (bodies, 3).
         self.masses = bodies[:, [0, 0, 1]]

@@ -13,9 +13,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from engine_models.engine import AdapterCannot, ImpossibleStart, SimulationFailed, UnsupportedScene
 from engine_models.mechanics.states import way
 from engine_models.minimal import equations as eq
-from engine_models.scene.general import placed_start
-from engine_models.scene.mechanism import levers_m, state_of
-from engine_models.scene.parts import AnyScene, GeneralParts
+from engine_models.scene.mechanism import levers_m
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import data
 
@@ -294,7 +292,7 @@ class Model(Numbers):
         UnsupportedScene: a contact has a law that is not known here.
     """
 
-    def __init__(self, scene: AnyScene) -> None:
+    def __init__(self, scene: Scene) -> None:
         self.scene = scene
         q, v = _start_of(scene)
         self.turns_rad = turns_of(q[2::3])
@@ -393,15 +391,9 @@ class Model(Numbers):
                 raise ImpossibleStart(f"start: {what} by {np.abs(by).max():.3g} {unit} {allowed}")
 
 
-def _start_of(scene: AnyScene) -> tuple[FloatArray, FloatArray]:
+def _start_of(scene: Scene) -> tuple[FloatArray, FloatArray]:
     """Return q and v (3b,) at t = 0."""
-    parts = scene if isinstance(scene, GeneralParts) else scene.general if isinstance(scene, Scene) else None
-    assert parts is not None
-    try:
-        placed = placed_start(parts)
-    except ValueError as reason:
-        raise ImpossibleStart(str(reason)) from None
-    return state_of(parts) if placed is None else (np.array(placed.q), np.array(placed.v))
+    return np.array(scene.placed.q), np.array(scene.placed.v)
 
 
 def turns_of(angle: FloatArray) -> FloatArray:

@@ -29,7 +29,6 @@ from engine_models.minimal import equations as eq
 from engine_models.minimal.equations import CLIPPED, FLIGHT, PUSHED
 from engine_models.minimal.model import STEEP, Model, Numbers
 from engine_models.minimal.rigid import settle
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 
 METHODS = {"DOP853": DOP853, "RK45": RK45, "LSODA": LSODA, "Radau": Radau}
@@ -359,7 +358,7 @@ def _rate(k: int, told: FloatArray) -> float:
     return float(told[k, eq.RATE])
 
 
-def solve(scene: AnyScene, settings: RunSettings, choice: Callable[[Model], Choice]) -> Trajectory:
+def solve(scene: Scene, settings: RunSettings, choice: Callable[[Model], Choice]) -> Trajectory:
     """Return the trajectory of a scene.
 
     Raises:
@@ -378,7 +377,7 @@ def solve(scene: AnyScene, settings: RunSettings, choice: Callable[[Model], Choi
 class Recorded(Protocol):
     """Rows of states (q, v, sums) and of what ``equations.rates`` tells of them, and impacts."""
 
-    scene: AnyScene
+    scene: Scene
     times_s: FloatArray
     states: list[FloatArray]
     told: list[FloatArray]
@@ -418,7 +417,7 @@ def trajectory_of(run: Recorded, took_s: float) -> Trajectory:
         effort = multipliers[:, row]
     elif of.drive.law is not None:
         effort = parts[:, model.parts.index("driver")]
-    short = "slider." if isinstance(scene, Scene) else ""
+    short = "slider." if scene.is_short else ""
     undamped = {f"spring:{spring.name}" for spring in of.springs if not spring.damping_N_s_m}
     works = [name for name in model.parts if name not in {"driver", *undamped}]
     return Trajectory(

@@ -9,7 +9,7 @@ from engine_models.engine import RunSettings, Trajectory
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Model
 from engine_models.minimal.run import Choice, solve
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 FloatArray = NDArray[np.float64]
 #: The least relative tolerance that SciPy takes, and times at which a drive is looked at for its speed.
@@ -22,7 +22,7 @@ class SharpSolver:
 
     tolerance: float = 1e-14
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run a scene; steps are as long as the tolerance lets them be, and end at events.
 
         Raises:

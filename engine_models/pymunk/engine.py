@@ -15,7 +15,6 @@ from engine_models.engine import (
     SETTINGS_CONFIG,
     BareRun,
     RunSettings,
-    T,
     Trajectory,
     UnsupportedScene,
     require_finite,
@@ -29,7 +28,7 @@ from engine_models.pymunk.loop import Loop
 from engine_models.pymunk.model import build, sweeps_of
 from engine_models.pymunk.native_contact import rigid_twin
 from engine_models.pymunk.record import Record, require_the_mechanism
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import ConstantSpeed
 
 #: What fits into a C int.
@@ -90,7 +89,7 @@ class PymunkEngine(CompiledEngine):
     collision_persistence: Count = 1
     any_mechanism: ClassVar[bool] = True
 
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene for a guide, or for a law without a restitution, that Pymunk cannot express.
 
         So is a scene without the steps asked for.
@@ -98,7 +97,7 @@ class PymunkEngine(CompiledEngine):
         twin = self.twin(scene)
         build(twin, np.zeros((len(twin.mechanism.bodies), 3)), all_joints=not self.half_kick_start)
 
-    def twin(self, scene: T) -> T:
+    def twin(self, scene: Scene) -> Scene:
         """Return the scene itself, or with ``contact`` = "rigid" the same one with rigid laws throughout.
 
         Raises:
@@ -118,7 +117,7 @@ class PymunkEngine(CompiledEngine):
         """The leap-frog's, or without the half kick at the start the library's own."""
         return 2 if self.half_kick_start else 1
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene with steps of one length, or shorter ones in contact.
 
         Raises:
@@ -136,7 +135,7 @@ class PymunkEngine(CompiledEngine):
             require_the_mechanism(twin, loop.model.groove_m, run.position, run.position[:1], run.time_s)
             return unwound(scene, require_finite(run))
 
-    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the same steps, of which works and forces need nothing.
 
         Raises:
@@ -151,7 +150,7 @@ class PymunkEngine(CompiledEngine):
             require_the_mechanism(twin, loop.model.groove_m, end[None], start[None], end_s)
             return BareRun(loop.solve_time_s, end, loop.engine_time_s)
 
-    def _loop(self, scene: AnyScene, settings: RunSettings) -> Loop:
+    def _loop(self, scene: Scene, settings: RunSettings) -> Loop:
         require_followed(scene, settings.step_used_s(scene.end_time_s))
         start, velocity = checked_start(scene)
         model = build(scene, start, all_joints=not self.half_kick_start)
@@ -165,11 +164,11 @@ class PymunkEngine(CompiledEngine):
         return Loop(scene, settings, model, velocity, self.half_kick_start, self.shorter_in_contact)
 
 
-def needs_one_step(scene: AnyScene) -> list[str]:
+def needs_one_step(scene: Scene) -> list[str]:
     """Return what of a scene is made for steps of one length: native contacts and changing speeds."""
     joints, law = scene.clearances.items(), scene.mechanism.drive.law
     changes = scene.mechanism.drive.prescribes and not isinstance(law, ConstantSpeed)
     return [
         *(f"clearance.{name}.law = rigid" for name, clearance in joints if clearance.law == "rigid"),
-        *([f"drive.kind = {scene.driven_by.kind}"] if changes else []),
+        *([f"drive.kind = {scene.drive.kind}"] if changes else []),
     ]

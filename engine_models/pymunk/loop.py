@@ -13,7 +13,7 @@ from engine_models.progress import tell
 from engine_models.pymunk import kicks
 from engine_models.pymunk.model import Model
 from engine_models.pymunk.native_contact import NativeContact
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import ConstantSpeed
 
 FIELDS = batch.BodyFields
@@ -38,7 +38,7 @@ class Loop:
 
     def __init__(
         self,
-        scene: AnyScene,
+        scene: Scene,
         settings: RunSettings,
         model: Model,
         velocity: FloatArray,

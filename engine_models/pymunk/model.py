@@ -9,7 +9,7 @@ import pymunk
 from engine_models.engine import FloatArray, UnsupportedScene
 from engine_models.minimal.forces import Forces
 from engine_models.scene.mechanism import levers_m
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND, Guide, MechanismData, Pin, Point
 
 #: The mass of a body that turns about a pin of the ground without a joint: a power of two loses no digit.
@@ -57,7 +57,7 @@ class Model:
             body.velocity, body.angular_velocity = (0.0, 0.0) if origin.any() else (x, y), spin
 
 
-def build(scene: AnyScene, position: FloatArray, all_joints: bool) -> Model:
+def build(scene: Scene, position: FloatArray, all_joints: bool) -> Model:
     """Return the space of a scene's mechanism at positions (bodies, 3) of its centres of mass.
 
     Every ideal pin is a pivot and every guide a groove, with a gear where one of its bodies turns, but for

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import pymunk
 
-from engine_models.engine import FloatArray, T, UnsupportedScene
+from engine_models.engine import FloatArray, UnsupportedScene
 from engine_models.pymunk.model import Model
-from engine_models.scene.scene import Clearance
+from engine_models.scene.format import Clearance
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import Pin
 
 
@@ -81,7 +82,7 @@ class NativeContact:
         self.impulse_N_s[:] = impulse.dot(self._n), impulse.cross(self._n)
 
 
-def rigid_twin(scene: T) -> T:
+def rigid_twin(scene: Scene) -> Scene:
     """Return the scene with rigid contact in every joint with clearance: same restitution, same friction.
 
     Hertz's law and the linear one lose nothing, so theirs is 1. Pymunk's friction is Coulomb's, at any

@@ -10,7 +10,7 @@ from engine_models.mechanics.states import lever_m, pin_gap, way
 from engine_models.minimal import equations as eq
 from engine_models.pymunk import kicks
 from engine_models.pymunk.loop import Loop
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 #: With a joint this many levers apart the bodies are no mechanism any more, and the run has failed.
 LOST_GAP = 0.1
@@ -35,7 +35,7 @@ class Record:
     all to come, or all over where velocities are those after a step.
     """
 
-    def __init__(self, scene: AnyScene, loop: Loop) -> None:
+    def __init__(self, scene: Scene, loop: Loop) -> None:
         self.scene, self.model, self.times_s = scene, loop.forces, loop.settings.times_s(scene)
         self.states, self.told, self.steps = list[FloatArray](), list[FloatArray](), 0
         self.impacts: list[list[list[float]]] = [[] for _ in loop.forces.phases]
@@ -112,7 +112,7 @@ class Record:
 
 
 def require_the_mechanism(
-    scene: AnyScene, groove_m: float, position: FloatArray, start: FloatArray, time_s: FloatArray
+    scene: Scene, groove_m: float, position: FloatArray, start: FloatArray, time_s: FloatArray
 ) -> None:
     """Check that positions (n, bodies, 3) at times (n,) are a scene's still, after the start (1, bodies, 3).
 

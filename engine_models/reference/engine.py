@@ -20,7 +20,7 @@ from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
 from engine_models.pace import MOST_STEPS
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s, reference_run
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
 from reference_solver.solver import (
@@ -72,7 +72,7 @@ class ReferenceEngine(CompiledEngine):
     max_steps: Annotated[float, Field(ge=1)] = MOST_STEPS
     any_mechanism: ClassVar[bool] = True
 
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
         if self.controls_error and not self.locate_events:
             raise UnsupportedScene(f"reference needs locate_events with method = {self.method}")
@@ -123,7 +123,7 @@ class ReferenceEngine(CompiledEngine):
         located = replace(self, locate_events=True, lowest_flight=lowest)
         return replace(located, method="dop853", step_tolerance=step_tolerance or LOOSE)
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene.
 
         Raises:
@@ -140,7 +140,7 @@ class ReferenceEngine(CompiledEngine):
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite
             raise EngineFailed(f"overflow with step {settings.step_s:.3g} s: shorten the step") from None
 
-    def _run(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
         choice = self.step_choice(scene, settings)
         return reference_run(scene, settings, choice, self.stabiliser, self.max_steps)
 
@@ -151,7 +151,7 @@ class ReferenceEngine(CompiledEngine):
             return Baumgarte(self.baumgarte_alpha_s, self.baumgarte_beta_s)
         return self.stabilisation
 
-    def step_choice(self, scene: AnyScene, settings: RunSettings) -> StepChoice | ErrorControl:
+    def step_choice(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
         """Return how a run of a scene chooses its steps.
 
         Raises:

@@ -11,8 +11,6 @@ from scipy.optimize import brentq
 from engine_models.engine import ImpossibleStart, RunSettings, Trajectory
 from engine_models.mechanics.start_check import checked_start
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.general import placed_start
-from engine_models.scene.parts import AnyScene, GeneralParts
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.assembly import Joints, Rank, dependence
 from reference_solver.mechanism.data import GROUND, Pin
@@ -27,7 +25,7 @@ SINGULAR = 1e-4
 AT_REST = 1e-9
 
 
-def inspect(scene: AnyScene) -> list[str]:
+def inspect(scene: Scene) -> list[str]:
     """Return lines on a scene's mechanism, its start, and how near its run comes to a singular position.
 
     Raises:
@@ -45,7 +43,7 @@ def inspect(scene: AnyScene) -> list[str]:
     return lines + (_turning_points(scene, run) if rank.freedoms == 1 else [])
 
 
-def _size(scene: AnyScene, rank: Rank) -> str:
+def _size(scene: Scene, rank: Rank) -> str:
     of = scene.mechanism
     counts = {
         "body": len(of.bodies),
@@ -64,19 +62,16 @@ def _counted(count: int, noun: str) -> str:
     return f"{count} {noun if count == 1 else plural}"
 
 
-def _start(scene: AnyScene) -> list[str]:
+def _start(scene: Scene) -> list[str]:
     """Return how the start was put together, of a plain crank-slider nothing: closed formulas give it."""
-    if isinstance(scene, Scene) and scene.is_plain and not scene.start.states:
-        return ["start: by the closed formulas of a crank-slider or a pendulum"]
-    own = scene.general if isinstance(scene, Scene) else scene
-    assert isinstance(own, GeneralParts)
-    placed = placed_start(own)
-    if placed is None:
+    if scene.start.states:
         return ["start: as the file gives it, the state of every body"]
-    return [f"start: put together, {placed.moved} from what the file tells"]
+    if scene.placed.moved is None:
+        return ["start: by the closed formulas of a crank-slider or a pendulum"]
+    return [f"start: put together, {scene.placed.moved} from what the file tells"]
 
 
-def _singular(scene: AnyScene, run: Trajectory) -> list[str]:
+def _singular(scene: Scene, run: Trajectory) -> list[str]:
     """Return the smallest singular value of the rows over a run, when, and of which joint."""
     of = scene.mechanism
     joints = Joints(replace(of, pins=of.ideal), driven=of.drive.prescribes)
@@ -92,7 +87,7 @@ def _singular(scene: AnyScene, run: Trajectory) -> list[str]:
     ]
 
 
-def _turning_points(scene: AnyScene, run: Trajectory) -> list[str]:
+def _turning_points(scene: Scene, run: Trajectory) -> list[str]:
     """Return dead centres, limit positions and the least transmission angle of a mechanism of one freedom.
 
     The rows [B] leave one direction w of motion, [B] w = 0. Where a guided point, or a body that turns about
@@ -138,7 +133,7 @@ def _turning_points(scene: AnyScene, run: Trajectory) -> list[str]:
     return lines + _transmission(scene, run, sampled)
 
 
-def _transmission(scene: AnyScene, run: Trajectory, directions: list[FloatArray]) -> list[str]:
+def _transmission(scene: Scene, run: Trajectory, directions: list[FloatArray]) -> list[str]:
     """Return the least transmission angle of each coupler, a body of two pins between moving bodies.
 
     It is 90 deg less the angle between the line of its pins and the motion of the pin that it drives.

@@ -11,7 +11,7 @@ from engine_models.mechanics.equations import mechanism_of, trajectory_of_soluti
 from engine_models.mechanics.start_check import checked_start
 from engine_models.pace import MOST_STEPS, Pace, too_slow
 from engine_models.progress import tell
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff, Stalled
 from reference_solver.mechanism.scales import scales_of
@@ -27,7 +27,7 @@ LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS, LIMITED = 2_000_000, 2_000, 1e8, 0.1
 TURN_OF_STEP_RAD = math.pi / 600
 
 
-def rate_s(scene: AnyScene) -> float:
+def rate_s(scene: Scene) -> float:
     """Return the mechanism's own rate at the start in 1/s (see ``reference_solver.mechanism.scales``).
 
     Raises:
@@ -41,7 +41,7 @@ def rate_s(scene: AnyScene) -> float:
 
 
 def reference_run(
-    scene: AnyScene,
+    scene: Scene,
     settings: RunSettings,
     choice: StepChoice | ErrorControl,
     stabilisation: Stabilisation,
@@ -75,7 +75,7 @@ def reference_run(
 
 
 def taken(
-    choice: StepChoice | ErrorControl, scene: AnyScene, settings: RunSettings
+    choice: StepChoice | ErrorControl, scene: Scene, settings: RunSettings
 ) -> StepChoice | ErrorControl:
     """Return the choice of steps that a run really takes.
 
@@ -84,7 +84,7 @@ def taken(
     """
     if isinstance(choice, ErrorControl):
         return choice
-    if scene.driven_by.kind == "fluctuating":
+    if scene.drive.kind == "fluctuating":
         require_followed(scene, choice.longest_s)  # a ramp is cut into steps enough
     coarse = settings.steps_per_sample(scene.end_time_s) == 1
     if scene.joints_with_clearance and choice.locate_events and coarse:
@@ -92,7 +92,7 @@ def taken(
     return choice
 
 
-def _watch(scene: AnyScene, solver: Solver, most_steps: float) -> Callable[[float], None]:
+def _watch(scene: Scene, solver: Solver, most_steps: float) -> Callable[[float], None]:
     """Return what tells how far a run has come, and ends one whose steps, or events, have collapsed."""
     if not scene.joints_with_clearance and most_steps >= MOST_STEPS:
         return tell

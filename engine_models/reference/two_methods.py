@@ -17,7 +17,7 @@ from engine_models.engine import FloatArray, RunSettings, SimulationFailed, Traj
 from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.solver import LOWEST_FLIGHT
 
 #: Tolerances of DOP853: the first as a part of the one asked for in lengths of the crank, then each as a part
@@ -36,7 +36,7 @@ MOST_ATTEMPTS, MOST_STEPS = 5, 20_000_000
 class Solution:
     """DOP853's run, and those that it is tested by: its own at a larger tolerance, and another method's."""
 
-    scene: AnyScene
+    scene: Scene
     run: Trajectory
     others: tuple[Trajectory, ...]
 
@@ -48,7 +48,7 @@ class Solution:
         return np.asarray(np.maximum.accumulate(apart))
 
 
-def agreed_solution(scene: AnyScene, tolerance_m: float, samples: int) -> Solution:
+def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
     """Return the solution on which methods agree to a tolerance of what is observed at all samples.
 
     Two runs may be wrong by as much where errors grow far beyond the tolerance: a run by DOP853 a hundred
@@ -99,7 +99,7 @@ def _parted(found: Solution, tolerance_m: float) -> SimulationFailed:
     )
 
 
-def sharp_solution(scene: AnyScene, samples: int) -> Solution:
+def sharp_solution(scene: Scene, samples: int) -> Solution:
     """Return the solution by two methods at steps near round-off, whether they agree or not.
 
     Raises:
@@ -114,18 +114,18 @@ def sharp_solution(scene: AnyScene, samples: int) -> Solution:
     return Solution(scene, run, (sharpest, other))
 
 
-def _usual_step_s(scene: AnyScene) -> float:
+def _usual_step_s(scene: Scene) -> float:
     """Return a step of RK4 in which the mechanism turns by as much as steps per contact are given for."""
     return TURN_OF_STEP_RAD / rate_s(scene)
 
 
-def _by_rk4(scene: AnyScene, samples: int, step_s: float) -> Trajectory:
+def _by_rk4(scene: Scene, samples: int, step_s: float) -> Trajectory:
     engine = ReferenceEngine(lowest_flight=HIGHER, max_steps=MOST_STEPS)
     return engine.simulate(scene, RunSettings(min(step_s, scene.end_time_s), samples))
 
 
 def _by_control(
-    method: Literal["dop853", "dopri5"], scene: AnyScene, samples: int, tolerance: float
+    method: Literal["dop853", "dopri5"], scene: Scene, samples: int, tolerance: float
 ) -> Trajectory:
     lowest = HIGHER if method == "dopri5" else LOWEST_FLIGHT
     engine = ReferenceEngine(method=method, step_tolerance=tolerance, lowest_flight=lowest)

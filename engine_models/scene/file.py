@@ -6,11 +6,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from engine_models.scene.data import SceneError as SceneError
-from engine_models.scene.data import with_fields
-from engine_models.scene.general import GeneralScene
+from engine_models.scene.format import SceneError as SceneError
 from engine_models.scene.plain_words import shortened
-from engine_models.scene.scene import OF_GENERAL, Scene
+from engine_models.scene.scene import Scene, with_fields
 from engine_models.scene.tables import BadTable, files_of, is_column, with_tables
 from engine_models.scene.text_files import OPENED, UnreadableFile, read_text
 
@@ -28,7 +26,7 @@ PATH = rf"{NAME}(?:\s*\.\s*{NAME})*"
 HEAD, KEY = re.compile(rf"\s*\[\s*({PATH})\s*\]"), re.compile(rf"\s*({PATH})\s*=")
 
 
-def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene | GeneralScene:
+def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
     """Return the scene that a TOML text describes with some changes; files of tables are in a folder.
 
     Raises:
@@ -46,18 +44,12 @@ def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene
     try:
         listed = {path: value for path, value in changes.items() if is_column(path)}  # in place of a file's
         others = {path: value for path, value in changes.items() if not is_column(path)}
-        fields = with_fields(with_tables(with_fields(data, others), folder), listed)
-        return form_of(fields).checked(fields)
+        return Scene.checked(with_fields(with_tables(with_fields(data, others), folder), listed))
     except BadTable as reason:
         raise SceneError(str(reason)) from None
 
 
-def form_of(data: Mapping[str, object]) -> type[Scene] | type[GeneralScene]:
-    """Return the form that a scene's data has: that of a crank-slider, by its crank, or the general one."""
-    return GeneralScene if "crank" not in data and data.keys() & OF_GENERAL else Scene
-
-
-def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene | GeneralScene:
+def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
     """Return the scene in a TOML file, or in what the shell has opened: ``/dev/stdin``, ``/dev/fd/3``.
 
     It is looked at with the changes alone, which an ``option`` has asked for.

@@ -4,18 +4,7 @@ import math
 
 import numpy as np
 
-from engine_models.scene.drives import (
-    SPLINE,
-    ConstantSpeedDrive,
-    Drive,
-    FluctuatingDrive,
-    MotorDrive,
-    RampDrive,
-    TableDrive,
-    TorqueDrive,
-)
-from engine_models.scene.loads import ByTime, Load, period_of
-from engine_models.scene.parts import Clearance, GeneralParts, Place
+from engine_models.scene.format import ByTime, Load, Place, Sections, period_of
 from reference_solver.mechanism import data
 from reference_solver.mechanism.data import GROUND, Point
 from reference_solver.tape import FloatArray
@@ -26,12 +15,12 @@ def pair(place: Place) -> Point:
     return place if isinstance(place, tuple) else (place, 0.0)
 
 
-def number_of(scene: GeneralParts, name: str) -> int:
+def number_of(scene: Sections, name: str) -> int:
     """Return the number of a body, or of the ground."""
     return GROUND if name == "ground" else [*scene.body].index(name)
 
 
-def point_of(scene: GeneralParts, name: str, pin: str) -> Point:
+def point_of(scene: Sections, name: str, pin: str) -> Point:
     """Return a pin of a body from its centre of mass, or of the ground from the origin."""
     if name == "ground":
         return pair(scene.ground.pins_m[pin])
@@ -39,13 +28,13 @@ def point_of(scene: GeneralParts, name: str, pin: str) -> Point:
     return _from_centre(scene, name, body.pins_m[pin])
 
 
-def _from_centre(scene: GeneralParts, name: str, place: Place) -> Point:
+def _from_centre(scene: Sections, name: str, place: Place) -> Point:
     centre = pair(0.0 if name == "ground" else scene.body[name].centre_of_mass_m)
     x, y = pair(place)
     return x - centre[0], y - centre[1]
 
 
-def pins_of(scene: GeneralParts) -> dict[str, list[str]]:
+def pins_of(scene: Sections) -> dict[str, list[str]]:
     """Return the names of what has each pin: the ground first, then bodies in the order of the file."""
     where: dict[str, list[str]] = {}
     places = {"ground": scene.ground.pins_m} | {name: body.pins_m for name, body in scene.body.items()}
@@ -55,7 +44,7 @@ def pins_of(scene: GeneralParts) -> dict[str, list[str]]:
     return where
 
 
-def mechanism_data(scene: GeneralParts) -> data.MechanismData:
+def mechanism_data(scene: Sections) -> data.MechanismData:
     """Return the mechanism by names of a scene whose parts fit each other."""
     bodies = tuple(data.BodyData(name, body.mass_kg, body.inertia_kg_m2) for name, body in scene.body.items())
     guides = _guides(scene)
@@ -70,7 +59,7 @@ def mechanism_data(scene: GeneralParts) -> data.MechanismData:
     )
 
 
-def _pins(scene: GeneralParts) -> tuple[data.Pin, ...]:
+def _pins(scene: Sections) -> tuple[data.Pin, ...]:
     """Return the joints: of each pin from the first that has it to each other, named PIN or PIN.BODY."""
     found = []
     for pin, (first, *others) in pins_of(scene).items():
@@ -83,21 +72,14 @@ def _pins(scene: GeneralParts) -> tuple[data.Pin, ...]:
                     point_of(scene, first, pin),
                     number_of(scene, other),
                     point_of(scene, other, pin),
-                    None if room is None else clearance_data(room),
+                    None if room is None else room.data(),
                     room is not None and room.bearing == other,
                 )
             )
     return tuple(found)
 
 
-def clearance_data(room: Clearance) -> data.ClearanceData:
-    """Return a clearance as data."""
-    own = room.model_dump(exclude={"friction", "bearing"})
-    friction = None if room.friction is None else data.FrictionData(**room.friction.model_dump())
-    return data.ClearanceData(**own, friction=friction)
-
-
-def _guides(scene: GeneralParts) -> tuple[data.Guide, ...]:
+def _guides(scene: Sections) -> tuple[data.Guide, ...]:
     return tuple(
         data.Guide(
             number_of(scene, guide.on),
@@ -112,7 +94,7 @@ def _guides(scene: GeneralParts) -> tuple[data.Guide, ...]:
     )
 
 
-def _springs(scene: GeneralParts) -> tuple[data.Spring, ...]:
+def _springs(scene: Sections) -> tuple[data.Spring, ...]:
     found = []
     for name, spring in scene.spring.items():
         (i, pin_i), (j, pin_j) = (end.split(".") for end in spring.between)
@@ -122,7 +104,7 @@ def _springs(scene: GeneralParts) -> tuple[data.Spring, ...]:
     return tuple(found)
 
 
-def _load(scene: GeneralParts, name: str, load: Load, guides: tuple[data.Guide, ...]) -> data.Load:
+def _load(scene: Sections, name: str, load: Load, guides: tuple[data.Guide, ...]) -> data.Load:
     body = number_of(scene, name)
     return data.Load(
         body,
@@ -147,40 +129,32 @@ def _line(load: Load, body: int, guides: tuple[data.Guide, ...]) -> data.Line:
     return data.Line(GROUND, (0.0, 0.0), load.along_rad or 0.0, body, (0.0, 0.0))
 
 
-def _gas(scene: GeneralParts, load: Load) -> data.GasData | None:
+def _gas(scene: Sections, load: Load) -> data.GasData | None:
     gas = load.gas
     if gas is None:
         return None
-    table = data.Table(gas.angle_rad, gas.force_N, gas.interpolation, period=period_of(gas.angle_rad))
-    return data.GasData(number_of(scene, gas.body or scene.drive.body or ""), table)
+    body = number_of(scene, gas.body or scene.drive.body or "")
+    return data.GasData(body, gas.table("angle_rad", "force_N", period_of(gas.angle_rad)))
 
 
 def _by_time(table: ByTime | None, column: str) -> data.Table | None:
-    values = None if table is None else getattr(table, column)
-    if table is None or values is None:
-        return None
-    return data.Table(table.time_s, values, table.interpolation, _slopes(table.end_slopes))
-
-
-def _slopes(slopes: tuple[float, ...] | None) -> tuple[float, float] | None:
-    return None if slopes is None else (slopes[0], slopes[1])
+    return None if table is None or getattr(table, column) is None else table.table("time_s", column)
 
 
 def _drive(
-    scene: GeneralParts, bodies: tuple[data.BodyData, ...], guides: tuple[data.Guide, ...]
+    scene: Sections, bodies: tuple[data.BodyData, ...], guides: tuple[data.Guide, ...]
 ) -> data.DriveData:
-    drive = scene.drive
+    drive, name = scene.drive, scene.driven
     if drive.guide is not None:
-        number = [*scene.guide].index(drive.guide)
-        body, told = guides[number].body_j, scene.start.speed_m_s.get(drive.guide)
+        number = [*scene.guide].index(name)
+        body, told = guides[number].body_j, scene.start.speed_m_s.get(name)
         if told is None and scene.start.states:
             told = _speed_along(scene, data.MechanismData(bodies, (), (guides[number],)))
     else:
-        name = drive.body or next(iter(scene.body))
         number, body, told = None, number_of(scene, name), scene.start.speed_rad_s.get(name)
         if told is None and name in scene.start.states:
             told = scene.start.states[name].angular_velocity_rad_s
-    return data.DriveData(body, number, law_of(drive, told or 0.0), scene.clock_s)
+    return data.DriveData(body, number, drive.law(told or 0.0), scene.clock_s)
 
 
 def levers_m(of: data.MechanismData) -> list[float]:
@@ -193,40 +167,15 @@ def levers_m(of: data.MechanismData) -> list[float]:
     return [math.dist(a, b) for own in points.values() for a in own for b in own]
 
 
-def state_of(scene: GeneralParts) -> tuple[FloatArray, FloatArray]:
+def state_of(scene: Sections) -> tuple[FloatArray, FloatArray]:
     """Return the given states of all bodies as coordinates and velocities, (n,) each."""
     states = np.array([[*scene.start.states[name].model_dump().values()] for name in scene.body])
     return states[:, :3].ravel(), states[:, 3:].ravel()
 
 
-def _speed_along(scene: GeneralParts, of: data.MechanismData) -> float:
+def _speed_along(scene: Sections, of: data.MechanismData) -> float:
     """Return the speed in m/s along the only guide of a mechanism in the given states."""
     from reference_solver.mechanism.assembly import Joints  # most scenes do without
 
     q, v = state_of(scene)
     return float(Joints(of).way_rows(q)[0] @ v)
-
-
-def law_of(drive: Drive, speed: float) -> data.DriveLaw | None:
-    """Return the law of a drive, whose start has a speed in rad/s or m/s."""
-    match drive:
-        case ConstantSpeedDrive():
-            return data.ConstantSpeed(speed)
-        case RampDrive():
-            return data.Ramp(speed, drive.final_speed, drive.ramp_time_s)
-        case FluctuatingDrive():
-            return data.Fluctuation(speed, drive.amplitude, drive.frequency_Hz, drive.phase_rad)
-        case TableDrive():
-            slopes = _slopes(drive.end_slopes)
-            return data.Course(data.Table(drive.time_s, drive.values, drive.interpolation, slopes))
-        case TorqueDrive() if isinstance(drive.torque_N_m, tuple):
-            columns = drive.time_s or (), drive.torque_N_m, drive.interpolation or SPLINE
-            return data.Torque(data.Table(*columns, _slopes(drive.end_slopes)))
-        case TorqueDrive():
-            return data.Torque(drive.constant_N_m)
-        case MotorDrive() if drive.speed_rad_s is not None:
-            columns = drive.speed_rad_s, drive.torque_N_m or (), drive.interpolation or SPLINE
-            return data.Motor(table=data.Table(*columns, _slopes(drive.end_slopes)))
-        case MotorDrive():
-            return data.Motor(*drive.line)
-    return None

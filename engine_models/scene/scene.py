@@ -1,417 +1,229 @@
-"""The short form of a scene: a planar crank-slider, or a pendulum, as frozen, validated data.
+"""A scene: one planar mechanism in motion, from its start to its end, as frozen data that fits together."""
 
-Conventions. SI units. The crank turns about joint O at the origin, the slider moves along its guide, which
-passes O at an offset, positive to the left of the guide's direction, at an angle from +x: both are 0 unless
-given. Gravity acts along -y unless it is a pair. Angles are counter-clockwise from +x. Joint A connects crank
-and rod, joint B rod and slider; the slider's centre of mass is its pin B. A link's centre of mass lies on the
-line of its joints, at the given distance from its first joint (O for the crank, A for the rod). A pendulum is
-a crank alone, hanging from joint O.
-"""
-
-import math
-import re
 from collections.abc import Mapping
 from functools import cached_property
-from itertools import pairwise
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+import tomli_w
+from pydantic import PrivateAttr, ValidationError, ValidationInfo, model_validator
 
-from engine_models.scene.data import Angle, Named, Parts, Positive, SceneData, require
-from engine_models.scene.drives import Drive, MotorDrive, TableDrive, TorqueDrive
-from engine_models.scene.general import (
-    ALIKE,
-    GeneralScene,
-    assembled,
-    check_parts,
-    check_time_tables,
-    refuse_later,
-)
-from engine_models.scene.loads import BodyGas, LinkLoad, Load, Loads, SliderLoad
-from engine_models.scene.parts import (
-    LAWS_DIVIDING_BY_RESTITUTION,
-    LAWS_WITHOUT_RESTITUTION,
-    AnyScene,
-    Body,
-    BodyState,
+from engine_models.scene.arguments import check_arguments
+from engine_models.scene.checks import check_parts
+from engine_models.scene.format import (
+    TURN,
     Clearance,
-    Clock,
-    ContactLaw,
-    Friction,
-    Ground,
-    Guide,
-    Observed,
-    PlacedStart,
-    Spring,
+    SceneError,
+    Sections,
+    period_of,
 )
-from engine_models.scene.plain_words import shown
-from reference_solver.mechanism.data import MechanismData
-
-__all__ = [
-    "LAWS_DIVIDING_BY_RESTITUTION",
-    "LAWS_WITHOUT_RESTITUTION",
-    "BodyState",
-    "Clearance",
-    "Clearances",
-    "ContactLaw",
-    "Friction",
-    "Link",
-    "Scene",
-    "Slider",
-    "Start",
-]
+from engine_models.scene.mechanism import mechanism_data, number_of, pins_of, point_of
+from engine_models.scene.plain_words import refusals
+from engine_models.scene.short import OF_GENERAL, CrankSlider, Link, Slider, in_short
+from engine_models.scene.start import Placed, placed
+from reference_solver.mechanism import data
+from reference_solver.mechanism.data import Point
 
 
-#: Entries that the general form alone has, by which a file without a crank is of that form.
-OF_GENERAL = ("body", "ground", "guide", "observe")
+class Observed(NamedTuple):
+    """What a scene is about, by its name: a coordinate of a point of a body, its angle, or a guide's way.
 
-
-class Link(SceneData):
-    """A rigid link between two pins; inertia about its centre of mass."""
-
-    length_m: Positive
-    mass_kg: Positive
-    inertia_kg_m2: Positive
-    centre_of_mass_m: float
-
-
-class Slider(SceneData):
-    """The block on the guide; the inertia matters only to a model that lets it turn."""
-
-    mass_kg: Positive
-    inertia_kg_m2: Positive
-    guide_offset_m: float | None = None
-    guide_angle_rad: Angle | None = None
-
-
-class Start(SceneData):
-    """Crank angle and speed at t = 0; everything else follows from the ideal joints.
-
-    Or every body's own state is given, for a start that is elsewhere in its clearances; ``crank_speed_rad_s``
-    is then that of the drive alone. ``time_s`` is what the drive's clock reads at t = 0; nothing is 0. Where
-    the speed fluctuates, ``crank_speed_rad_s`` is the one about which it does. A driven slider has its speed
-    in ``speed_m_s`` in place of the crank's, as in ``{guide = 0.2}``.
+    Tolerances, errors and studies are of this quantity.
     """
 
-    crank_angle_rad: Angle
-    crank_speed_rad_s: float
-    speed_m_s: Named[float] | None = None
-    time_s: Clock | None = None
-    crank: BodyState | None = None
-    rod: BodyState | None = None
-    slider: BodyState | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _has_one_speed(cls, data: object) -> object:
-        if isinstance(data, Mapping) and data.get("speed_m_s") is not None:
-            return {"crank_speed_rad_s": 0.0, **data}
-        return data
-
-    @model_validator(mode="after")
-    def _tells_one_speed(self) -> "Start":
-        speed = self.crank_speed_rad_s
-        alone = self.speed_m_s is None or speed == 0
-        require(alone, "crank_speed_rad_s", "nothing beside speed_m_s", speed)
-        return self
+    name: str
+    what: Literal["x", "y", "angle", "along"]
+    body: int
+    point: Point = (0.0, 0.0)
+    guide: data.Line | None = None
 
     @property
-    def states(self) -> tuple[BodyState, ...]:
-        """The bodies' given states in the order crank, rod, slider."""
-        return tuple(state for state in (self.crank, self.rod, self.slider) if state is not None)
+    def unit(self) -> str:
+        """The unit: rad of an angle, else m."""
+        return "rad" if self.what == "angle" else "m"
 
 
-class Clearances(SceneData):
-    """The joints with clearance; a joint that is not named is ideal."""
+class Scene(Sections):
+    """A scene whose sections fit together, put together at its start; see ``Sections``."""
 
-    O: Clearance | None = None  # noqa: E741  the joint's name in the field
-    A: Clearance | None = None
-    B: Clearance | None = None
-
-
-class Scene(AnyScene):
-    """One crank-slider in motion: bodies, joints, loads, drive, start and end.
-
-    Without rod and slider it is a physical pendulum: the crank alone, in joint O.
-    """
-
-    crank: Link
-    rod: Link | None = None
-    slider: Slider | None = None
-    start: Start
-    drive: Drive
-    load: Loads = Loads()
-    spring: Named[Spring] = Field(default_factory=Parts)
-    clearance: Clearances = Clearances()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _has_no_later_part(cls, data: object) -> object:
-        if isinstance(data, Mapping):
-            refuse_later(data)
-            for name in OF_GENERAL:
-                if "crank" in data and name in data:
-                    came = shown(data[name])
-                    raise ValueError(f"{name}: expected nothing beside crank (the short form), got {came}")
-        return data
+    _short: CrankSlider | None = PrivateAttr(None)
+    _placed: Placed = PrivateAttr()
 
     @model_validator(mode="after")
-    def _is_a_mechanism(self) -> "Scene":
-        self._can_be_assembled()
-        if what_is_general(self) is not None:
-            self._is_a_general_one()
-        elif isinstance(self.drive, TableDrive):
-            self._is_in_the_table(self.drive)
+    def _hangs_together(self, info: ValidationInfo) -> "Scene":
+        self._short = (info.context or {}).get("short")
+        check_parts(self)
+        self._placed = placed(self, self.mechanism, self._short if self.is_plain else None)
         return self
 
-    def _is_a_general_one(self) -> None:
-        """Check the scene as one of any mechanism, with the names of the short form in refusals."""
+    @classmethod
+    def checked(cls, data: Mapping[str, Any]) -> "Scene":
+        """Return the scene that a mapping describes, in the short spelling or in the general one.
+
+        Raises:
+            SceneError: it is none.
+        """
+        if "crank" not in data and data.keys() & {*OF_GENERAL}:
+            return super().checked(data)
+        short = CrankSlider.checked(data)
         try:
-            check_parts(self.general)
-            assembled(self.general)
-        except ValueError as reason:
-            said = re.sub(r"^start\.(angle|speed)_rad(_s)?(\.crank)?:", r"start.crank_\1_rad\2:", str(reason))
-            raise ValueError(said) from None
+            return cls.model_validate(short.general(), context={"short": short})
+        except ValidationError as error:
+            raise SceneError(*map(in_short, refusals(error, cls))) from None
 
-    def _is_in_the_table(self, table: TableDrive) -> None:
-        """Require a table that lasts as long as the scene, which begins at the table's own speed."""
-        check_time_tables(table, {}, self.clock_s, self.end_time_s)
-        begin, time, angle = self.clock_s, table.time_s, table.values
-        rises = zip(pairwise(time), pairwise(angle), strict=True)
-        fastest = max(abs((b - a) / (t - s)) for (s, t), (a, b) in rises)
-        speed, own = self.start.crank_speed_rad_s, float(table.spline()(begin, 1))
-        expected = f"the speed of the drive's table when the scene begins, {own:.4g}"
-        require(abs(speed - own) <= ALIKE * fastest, "start.crank_speed_rad_s", expected, speed)
+    @check_arguments
+    def replace(self, field: str | Mapping[str, object], value: object = None) -> "Scene":
+        """Return the scene with another value in a field: ``replace("clearance.B.restitution", 0.5)``.
 
-    def _can_be_assembled(self) -> None:
-        if self.start.states and len(self.start.states) != 1 + 2 * (self.rod is not None):
-            raise ValueError("start: expected the state of every body or of none, got some")
-        if self.rod is None or self.slider is None:
-            self._is_a_pendulum()
-            return
-        crank, rod, (tilt, offset) = self.crank.length_m, self.rod.length_m, guide_of(self)
-        if self.drive.kind != "free" and self.drive.guide is None:
-            longest, also = crank + abs(offset), " + |slider.guide_offset_m|" if offset else ""
-            expected = f"at least crank.length_m{also} = {longest:g} with drive.kind = '{self.drive.kind}'"
-            require(rod >= longest, "rod.length_m", f"{expected} (else the crank cannot turn)", rod)
-        height = abs(crank * math.sin(self.start.crank_angle_rad - tilt) - offset)
-        of = "the distance of pin A from the guide"
-        if not (tilt or offset):
-            of = "crank.length_m |sin(start.crank_angle_rad)|"
-        expected = f"more than {of} = {height:g} (else the rod cannot reach the guide)"
-        require(rod > height, "rod.length_m", expected, rod)
+        Several fields, checked together, are given as a mapping. None takes a part away, and what there is
+        not yet comes to be: ``replace("clearance.B", None)`` makes a joint ideal.
 
-    def _is_a_pendulum(self) -> None:
-        missing, there = ("rod", "slider") if self.rod is None else ("slider", "rod")
-        if getattr(self, there) is not None:
-            raise ValueError(f"{missing}: expected a section beside {there}, got nothing")
-        for joint in ("A", "B"):
-            if getattr(self.clearance, joint) is not None:
-                raise ValueError(f"clearance.{joint}: expected nothing without rod and slider, got a section")
-        for body in ("rod", "slider"):
-            if getattr(self.load, body) is not None:
-                raise ValueError(f"load.{body}: expected nothing without rod and slider, got a section")
+        Raises:
+            SceneError: with the new values it is no scene.
+        """
+        fields = {field: value} if isinstance(field, str) else field
+        return self.checked(with_fields(self.as_written(), fields))
+
+    def with_clearances(self, rooms: Mapping[str, Clearance]) -> "Scene":
+        """Return the scene with other clearances of joints that have one."""
+        changed = {f"clearance.{name}": room for name, room in rooms.items() if room != self.clearances[name]}
+        return self.replace(changed) if changed else self
+
+    def as_written(self) -> dict[str, Any]:
+        """Return the scene as a file has it, in its own spelling."""
+        return self._short.as_written() if self._short else super().as_written()
+
+    def to_toml(self) -> str:
+        """Return the scene as a TOML file that reads back to an equal scene."""
+        return tomli_w.dumps(_without_empty(self.as_written()))
+
+    def path(self, general: str) -> str:
+        """Return the path of a field in the scene's own spelling."""
+        return in_short(general) if self._short else general
+
+    @property
+    def is_short(self) -> bool:
+        """Whether it is written in the short spelling, as a crank-slider or a pendulum."""
+        return self._short is not None
+
+    @property
+    def short(self) -> CrankSlider:
+        """The scene in the short spelling.
+
+        Raises:
+            ValueError: it is not written so.
+        """
+        if self._short is None:
+            raise ValueError(
+                f"scene {self.name}: expected a crank-slider or a pendulum, got another mechanism"
+            )
+        return self._short
 
     @property
     def is_crank_slider(self) -> bool:
-        """Whether there are a rod and a slider; otherwise the scene is a pendulum."""
-        return self.rod is not None
+        """Whether it is written as a crank-slider, so that its columns are of crank and slider."""
+        return self._short is not None and self._short.rod is not None
 
     def crank_slider(self) -> tuple[Link, Link, Slider]:
         """Return crank, rod and slider.
 
         Raises:
-            ValueError: the scene is a pendulum.
+            ValueError: it is not written as a crank-slider.
         """
-        if self.rod is None or self.slider is None:
+        own = self.short
+        if own.rod is None or own.slider is None:
             raise ValueError(f"scene {self.name}: expected a crank-slider, got a pendulum")
-        return self.crank, self.rod, self.slider
+        return own.crank, own.rod, own.slider
 
     @cached_property
-    def general_by(self) -> str | None:
-        """The first entry that plain crank-sliders and pendulums do not have, if any."""
-        return what_is_general(self)
+    def is_plain(self) -> bool:
+        """Whether it is written as a crank-slider or a pendulum of the first kind.
+
+        Those have a guide along +x through joint O, gravity along -y, a load on the slider alone by no clock,
+        and a drive on the crank that is no table of a torque.
+        """
+        own, of, law = self._short, self.mechanism, self.mechanism.drive.law
+        if own is None or own.guide != (0.0, 0.0) or of.springs or isinstance(self.gravity_m_s2, tuple):
+            return False
+        by_table = isinstance(law, data.Motor) and law.table is not None
+        by_table |= isinstance(law, data.Torque) and isinstance(law.torque_N_m, data.Table)
+        if by_table or self.drive.body != "crank" or any(room.bearing for room in self.clearance.values()):
+            return False
+        load = own.load.slider
+        alone = own.load.crank is None and own.load.rod is None
+        if load is None or not alone:
+            return alone
+        of_one_turn = load.gas is None or period_of(load.gas.crank_angle_rad) == TURN
+        return of_one_turn and (load.by_time, load.torque_N_m, load.viscous_N_m_s) == (None, None, None)
+
+    @cached_property
+    def mechanism(self) -> data.MechanismData:
+        """The mechanism by names, from which engines build it."""
+        return mechanism_data(self)
 
     @property
-    def general(self) -> GeneralScene:
-        """The same scene in the general form."""
-        return general_form(self)
-
-    def _mechanism(self) -> MechanismData:
-        return self.general.mechanism
+    def placed(self) -> Placed:
+        """The start: coordinates and velocities of all bodies."""
+        return self._placed
 
     @property
     def observed(self) -> Observed:
-        """The slider's way along its guide; of a pendulum the place of pin A along x."""
-        return self.general.observed
+        """What the scene is about."""
+        name, _, axis = self.observe.rpartition(".")
+        if axis == "angle":
+            return Observed(self.observe, "angle", number_of(self, name))
+        if axis == "along":
+            guide = self.mechanism.guides[[*self.guide].index(name)]
+            return Observed(self.observe, "along", guide.body_j, guide.point_j, guide)
+        last = pins_of(self)[name][-1]
+        what: Literal["x", "y"] = "x" if axis == "x" else "y"
+        return Observed(self.observe, what, number_of(self, last), point_of(self, last, name))
 
     @property
-    def turning_body(self) -> int:
-        """The crank's number."""
-        return 0
+    def turning_body(self) -> int | None:
+        """The number of the body whose turns are revolutions, None where time is the unit.
+
+        It is that of ``turning``; without it the driven one, or the first, where the ground has its pin.
+        """
+        if self.turning is not None:
+            return number_of(self, self.turning) if self.turning else None
+        body = self.drive.body or next(iter(self.body))
+        is_pinned = self.ground.pins_m.keys() & self.body[body].pins_m.keys()
+        return number_of(self, body) if is_pinned and self.drive.guide is None else None
 
     @property
-    def driven_by(self) -> Drive:
-        """What drives the mechanism."""
-        return self.drive
-
-    @property
-    def clearances(self) -> dict[str, Clearance]:
-        """The clearances of the joints that have one, in the order O, A, B."""
-        return {name: getattr(self.clearance, name) for name in self.joints_with_clearance}
-
-    @property
-    def clock_s(self) -> float:
-        """What the drive's clock reads as a run begins."""
-        return self.start.time_s or 0.0
-
-    @property
-    def weight_m_s2(self) -> float:
-        """Gravity along -y, as it acts unless it is a pair."""
-        assert isinstance(self.gravity_m_s2, float)
-        return self.gravity_m_s2
-
-    @property
-    def bodies(self) -> tuple[Link | Slider, ...]:
-        """The bodies in the order crank, rod, slider, or the crank alone."""
-        return self.crank_slider() if self.is_crank_slider else (self.crank,)
+    def speed_is_prescribed(self) -> bool:
+        """Whether the driver keeps a speed, constant or not, whatever that takes."""
+        return self.mechanism.drive.prescribes
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joints: O, A, B, or O alone."""
-        return ("O", "A", "B") if self.is_crank_slider else ("O",)
+        """Names of the joints, in their order."""
+        return tuple(pin.name for pin in self.mechanism.pins)
+
+    @property
+    def clearances(self) -> dict[str, Clearance]:
+        """The clearances of the joints that have one, by the joints' names, in their order."""
+        return {name: self.clearance[name] for name in self.joints if name in self.clearance}
 
     @property
     def joints_with_clearance(self) -> tuple[str, ...]:
-        """Names of the joints with clearance, in the order O, A, B."""
-        return tuple(name for name in self.joints if getattr(self.clearance, name) is not None)
+        """Names of the joints with clearance, in their order."""
+        return tuple(self.clearances)
 
 
-#: The name of the slider's guide.
-GUIDE = "guide"
+def with_fields(data: dict[str, Any], fields: Mapping[str, object]) -> dict[str, Any]:
+    """Return the data of a scene with values put into it by their fields' paths, and sections for them."""
+    for path, value in fields.items():
+        part, *names = data, *path.split(".")
+        for name in names[:-1]:
+            if not isinstance(part.get(name), dict):
+                part[name] = {}
+            part = part[name]
+        part[names[-1]] = value
+    return data
 
 
-def general_form(scene: Scene) -> GeneralScene:
-    """Return the same scene in the general form, without checking it again."""
-    bodies = {"crank": _bar(scene.crank, "O", "A")}
-    guides = dict[str, Guide]()
-    if scene.is_crank_slider:
-        _, rod, slider = scene.crank_slider()
-        block = Body.model_construct(
-            pins_m={"B": 0.0}, mass_kg=slider.mass_kg, inertia_kg_m2=slider.inertia_kg_m2
-        )
-        bodies |= {"rod": _bar(rod, "A", "B"), "slider": block}
-        angle, offset = guide_of(scene)
-        through = (-offset * math.sin(angle), offset * math.cos(angle))
-        guides[GUIDE] = Guide.model_construct(body="slider", pin="B", through_m=through, angle_rad=angle)
-    drive = scene.drive
-    if drive.guide is None and drive.body is None:
-        drive = drive.model_construct(**{**dict(drive), "body": "crank"})
-    rooms = {name: getattr(scene.clearance, name) for name in type(scene.clearance).model_fields}
-    return GeneralScene.model_construct(
-        name=scene.name,
-        end_time_s=scene.end_time_s,
-        gravity_m_s2=scene.gravity_m_s2,
-        observe=f"{GUIDE}.along" if guides else "A.x",
-        ground=Ground.model_construct(pins_m={"O": 0.0}),
-        body=bodies,
-        guide=guides,
-        spring=scene.spring,
-        load=_loads(scene),
-        drive=drive,
-        clearance={name: room for name, room in rooms.items() if room is not None},
-        start=_start(scene),
-    )
-
-
-def guide_of(scene: Scene) -> tuple[float, float]:
-    """Return angle in rad and offset in m of the slider's guide, 0 of a pendulum."""
-    slider = scene.slider
-    return (0.0, 0.0) if slider is None else (slider.guide_angle_rad or 0.0, slider.guide_offset_m or 0.0)
-
-
-def _bar(link: Link, near: str, far: str) -> Body:
-    return Body.model_construct(
-        pins_m={near: 0.0, far: link.length_m},
-        mass_kg=link.mass_kg,
-        inertia_kg_m2=link.inertia_kg_m2,
-        centre_of_mass_m=link.centre_of_mass_m,
-    )
-
-
-def _loads(scene: Scene) -> dict[str, Load]:
-    own = {name: getattr(scene.load, name) for name in type(scene.load).model_fields}
-    return {name: _load(load) for name, load in own.items() if load is not None}
-
-
-def _load(load: LinkLoad | SliderLoad) -> Load:
-    own, gas = load.gas, None
-    if own is not None:
-        gas = BodyGas.model_construct(
-            angle_rad=own.crank_angle_rad, force_N=own.force_N, body="crank", interpolation=own.interpolation
-        )
-    return Load.model_construct(**{**dict(load), "gas": gas})
-
-
-def _start(scene: Scene) -> PlacedStart:
-    start, states = scene.start, ("crank", "rod", "slider")
-    given: Any = {name: state for name in states if (state := getattr(start, name)) is not None}
-    speeds: Any = {"speed_rad_s": {"crank": start.crank_speed_rad_s}}
-    if scene.drive.guide is not None:
-        speeds = {"speed_m_s": start.speed_m_s or {GUIDE: slider_speed_m_s(scene)}}
-    if given:
-        return PlacedStart.model_construct(time_s=start.time_s, **speeds, **given)
-    angles = {"crank": start.crank_angle_rad}
-    if scene.is_crank_slider:
-        angles["rod"] = rod_angle_rad(scene)
-    return PlacedStart.model_construct(angle_rad=angles, hold=("crank",), time_s=start.time_s, **speeds)
-
-
-def rod_angle_rad(scene: Scene) -> float:
-    """Return the rod's angle at the start: the slider lies in the guide's direction from pin A.
-
-    Along the guide pin A is at r cos, across it at r sin of the crank's angle from the guide's.
-    """
-    crank, rod, _ = scene.crank_slider()
-    angle, offset = guide_of(scene)
-    across = offset - crank.length_m * math.sin(scene.start.crank_angle_rad - angle)
-    return angle + math.asin(max(-1.0, min(1.0, across / rod.length_m)))
-
-
-def slider_speed_m_s(scene: Scene) -> float:
-    """Return the slider's speed along its guide at the start, by the crank's."""
-    crank, _, _ = scene.crank_slider()
-    angle, _ = guide_of(scene)
-    crank_angle, rod_angle = scene.start.crank_angle_rad - angle, rod_angle_rad(scene) - angle
-    turn = math.sin(crank_angle) - math.cos(crank_angle) * math.tan(rod_angle)
-    return -crank.length_m * scene.start.crank_speed_rad_s * turn
-
-
-def what_is_general(scene: Scene) -> str | None:
-    """Return the entry of a scene that crank-sliders and pendulums of the first kind do not have, if any.
-
-    Those have a guide along +x through joint O, gravity along -y, loads on the slider alone, and a drive on
-    the crank.
-    """
-    drive, load = scene.drive, scene.load
-    slider = load.slider
-    found = {
-        "slider.guide_angle_rad": guide_of(scene)[0] != 0,
-        "slider.guide_offset_m": guide_of(scene)[1] != 0,
-        "gravity_m_s2": isinstance(scene.gravity_m_s2, tuple),
-        "spring": bool(scene.spring),
-        "load.crank": load.crank is not None,
-        "load.rod": load.rod is not None,
-        "load.slider.by_time": slider is not None and slider.by_time is not None,
-        "load.slider.gas": slider is not None and slider.gas is not None and not slider.gas.is_of_one_turn,
-        "drive.body": drive.body not in (None, "crank"),
-        "drive.guide": drive.guide is not None,
-        "drive.torque_N_m": isinstance(drive, TorqueDrive) and isinstance(drive.torque_N_m, tuple),
-        "drive.speed_rad_s": isinstance(drive, MotorDrive) and drive.speed_rad_s is not None,
-        **{
-            f"clearance.{name}.bearing": room is not None and room.bearing is not None
-            for name in type(scene.clearance).model_fields
-            for room in [getattr(scene.clearance, name)]
-        },
-    }
-    return next((name for name, there in found.items() if there), None)
+def _without_empty(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a mapping without empty ones, at any depth."""
+    parts = {name: _without_empty(part) if isinstance(part, dict) else part for name, part in data.items()}
+    return {name: part for name, part in parts.items() if part != {}}

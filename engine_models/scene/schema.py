@@ -2,9 +2,9 @@
 
 from pydantic import TypeAdapter
 
-from engine_models.scene.general import GeneralScene
 from engine_models.scene.plain_words import JsonSchema
 from engine_models.scene.scene import Scene
+from engine_models.scene.short import CrankSlider
 from engine_models.scene.tables import BY_TIME, OF_CRANK, OF_DRIVES, OF_GAS, OPTIONAL
 from engine_models.scene.units import NUMBER, UNIT, unit_of
 
@@ -17,8 +17,8 @@ OF_TABLE = ("angle_rad", "position_m")
 TABLES = {
     "TableDrive": OF_DRIVES["table"],
     "TorqueDrive": ("torque_N_m",),
-    "Gas": OF_CRANK,
-    "BodyGas": OF_GAS,
+    "CrankGas": OF_CRANK,
+    "Gas": OF_GAS,
     "ByTime": BY_TIME,
 }
 #: A CSV file in place of lists.
@@ -30,7 +30,7 @@ def scene_schema() -> JsonSchema:
 
     A file with a crank has the short form, others the general one.
     """
-    forms: JsonSchema = TypeAdapter(Scene | GeneralScene).json_schema()
+    forms: JsonSchema = TypeAdapter(CrankSlider | Scene).json_schema()
     parts = forms["$defs"]
     for part in parts.values():
         fields = part["properties"]
@@ -46,7 +46,7 @@ def scene_schema() -> JsonSchema:
             lists = {"required": ["time_s"], "anyOf": [{"required": [each]} for each in OF_TABLE]}
         part["oneOf"] = [lists, {"required": ["file"]}]
     parts["MotorDrive"]["properties"]["file"] = FILE
-    short, general = ({"$ref": f"#/$defs/{form.__name__}"} for form in (Scene, GeneralScene))
+    short, general = ({"$ref": f"#/$defs/{form.__name__}"} for form in (CrankSlider, Scene))
     return {"$defs": parts, "if": {"required": ["crank"]}, "then": short, "else": general}
 
 

@@ -13,7 +13,7 @@ from scipy.optimize import OptimizeResult
 from engine_models.engine import EngineFailed, FloatArray, SimulationFailed
 from engine_models.pace import Pace
 from engine_models.progress import tell
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp.contact import Watch
 from engine_models.scipy_ivp.derivative import Derivative
 
@@ -61,7 +61,7 @@ class Calls:
 
     def __init__(
         self,
-        scene: AnyScene,
+        scene: Scene,
         derivative: Derivative,
         choice: Choice,
         memory: FloatArray | None = None,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from engine_models.engine import AdapterCannot, FloatArray, SimulationFailed
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.start_check import checked_start
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp.rebounds import Rebounds
 from reference_solver.contact import types
 from reference_solver.equations import Equations
@@ -48,7 +48,7 @@ class Derivative:
     the integrals in it, behind ``n`` coordinates and as many velocities.
     """
 
-    def __init__(self, scene: AnyScene) -> None:
+    def __init__(self, scene: Scene) -> None:
         q, v = checked_start(scene)
         mechanism = mechanism_of(scene)
         topology, q_start = Topology(mechanism), q.ravel()

@@ -21,7 +21,7 @@ from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.equations import trajectory_of_solution
 from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp.calls import COMPILED, Calls, Choice
 from engine_models.scipy_ivp.derivative import Derivative
 from engine_models.scipy_ivp.run import LocatedRun, switching_run
@@ -73,7 +73,7 @@ class ScipyEngine(CompiledEngine):
     max_evaluations: Annotated[int, Field(gt=0)] = 5_000_000
     any_mechanism: ClassVar[bool] = True
 
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where a scene's events need what the method, or this model, has not."""
         if self.method in COMPILED and scene.joints_with_clearance:
             raise UnsupportedScene(
@@ -96,7 +96,7 @@ class ScipyEngine(CompiledEngine):
         """Return the engine with a tenth of its tolerances."""
         return replace(self, rtol=max(self.rtol / 10, SHARPEST), atol=self.atol / 10)
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene; ``steps`` counts the accepted ones.
 
         Raises:
@@ -120,7 +120,7 @@ class ScipyEngine(CompiledEngine):
         run = trajectory_of_solution(scene, solution, longest, solve_time, stabilised=False)
         return unwound(scene, require_finite(run))
 
-    def bare_run(self, scene: AnyScene, settings: RunSettings) -> BareRun:
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the same steps with nothing of ours between SciPy and the equations.
 
         Nobody watches such a run, so that a watched one shows before that it comes to its end. Without
@@ -141,7 +141,7 @@ class ScipyEngine(CompiledEngine):
             solve_time = time.perf_counter() - started
         return BareRun(solve_time, record.y[-1][: derivative.n].reshape(-1, 3))
 
-    def _located(self, scene: AnyScene) -> bool:
+    def _located(self, scene: Scene) -> bool:
         """Return whether the run goes from event to event, which it does in one go if there are none."""
         return self.locate_events or not scene.joints_with_clearance
 
@@ -150,7 +150,7 @@ class ScipyEngine(CompiledEngine):
 
 
 @cache
-def _watched(engine: ScipyEngine, scene: AnyScene, settings: RunSettings) -> BareRun:
+def _watched(engine: ScipyEngine, scene: Scene, settings: RunSettings) -> BareRun:
     """Return the watched solve; of the same run again, the same."""
     run = engine.simulate(scene, settings)
     return BareRun(run.solve_time_s, run.position[-1])

@@ -12,7 +12,6 @@ from engine_models.mechanics.joints import CRANK, ROD, SLIDER
 from engine_models.mechanics.loads import load_forces, spring_forces
 from engine_models.mechanics.states import GROUND, direction, guide_column, observed_columns, way
 from engine_models.mechanics.wrenches import accelerations, wrenches
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import load_works
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
@@ -21,7 +20,7 @@ from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, 
 OF_TIME = ("ramp", "fluctuating", "table", "motor")
 
 
-def sample_columns(scene: AnyScene, trajectory: Trajectory) -> dict[str, FloatArray]:
+def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray]:
     """Return columns with a value for each sample; columns that do not apply to the scene are absent.
 
     Names contain the unit. A joint force acts on the body named later, that further from the crank pivot; a
@@ -31,7 +30,7 @@ def sample_columns(scene: AnyScene, trajectory: Trajectory) -> dict[str, FloatAr
     acting = wrenches(scene, run)
     moving = accelerations(of, acting)
     columns = {"time_s": run.time_s}
-    columns |= _crank_slider(scene, run) if isinstance(scene, Scene) else _bodies(scene, run, moving)
+    columns |= _crank_slider(scene, run) if scene.is_short else _bodies(scene, run, moving)
     for joint, force in run.joint_force_N.items():
         columns |= {f"joint_{joint}_force_x_N": force[:, 0], f"joint_{joint}_force_y_N": force[:, 1]}
     columns |= _guides(scene, run)
@@ -54,7 +53,7 @@ def sample_columns(scene: AnyScene, trajectory: Trajectory) -> dict[str, FloatAr
             columns[f"contact_{joint}_friction_force_N"] = contact.friction_force_N
     if run.dissipated_energy_J is not None:
         columns["dissipated_energy_J"] = run.dissipated_energy_J
-    if isinstance(scene, Scene) and scene.is_crank_slider:
+    if scene.is_crank_slider:
         forward, _ = direction(of.guides[0], run.position)
         columns["slider_acceleration_m_s2"] = np.sum(forward * moving[:, SLIDER, :2], axis=1)
         columns |= {"rod_angle_rad": run.position[:, ROD, 2], "rod_speed_rad_s": run.velocity[:, ROD, 2]}
@@ -63,12 +62,12 @@ def sample_columns(scene: AnyScene, trajectory: Trajectory) -> dict[str, FloatAr
 
 
 def _crank_slider(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
-    """Return the crank's motion, and the slider's along its guide."""
+    """Return the crank's motion, and the slider's along its guide, or that of a pendulum's pin A."""
     columns = {"crank_angle_rad": run.position[:, CRANK, 2], "crank_speed_rad_s": run.velocity[:, CRANK, 2]}
-    return columns | observed_columns(scene, run) if scene.is_crank_slider else columns
+    return columns | observed_columns(scene, run)
 
 
-def _bodies(scene: AnyScene, run: Trajectory, acceleration: FloatArray) -> dict[str, FloatArray]:
+def _bodies(scene: Scene, run: Trajectory, acceleration: FloatArray) -> dict[str, FloatArray]:
     """Return what is observed, and place, angle, their rates and accelerations of every centre of mass."""
     columns = observed_columns(scene, run)
     for k, body in enumerate(scene.mechanism.names):
@@ -81,9 +80,9 @@ def _bodies(scene: AnyScene, run: Trajectory, acceleration: FloatArray) -> dict[
     return columns
 
 
-def _guides(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
+def _guides(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
     """Return ways along guides, their normal forces, and moments of those that hold an angle."""
-    if isinstance(scene, Scene):
+    if scene.is_short:
         return {guide_column(scene, name): force for name, force in run.guide_force_N.items()}
     columns = dict[str, FloatArray]()
     for guide in scene.mechanism.guides:
@@ -94,13 +93,13 @@ def _guides(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
     return columns
 
 
-def _energies(scene: AnyScene, run: Trajectory) -> dict[str, FloatArray]:
+def _energies(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
     """Return energies and works."""
     columns = {"kinetic_energy_J": kinetic_energy_J(scene, run)}
     of = scene.mechanism
     if any(of.gravity_m_s2) or run.contacts or of.springs:  # a contact stores elastic energy
         columns["potential_energy_J"] = potential_energy_J(scene, run)
-    is_product = scene.driven_by.kind not in OF_TIME and isinstance(scene, Scene) and scene.is_plain
+    is_product = scene.drive.kind not in OF_TIME and scene.is_plain
     if run.driver_work_J is not None and (run.load_work_J or not is_product):
         columns["driver_work_J"] = run.driver_work_J
     columns |= load_works(run)

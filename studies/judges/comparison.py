@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from engine_models.engine import ROUNDING, Engine, RunSettings, Trajectory
 from engine_models.mechanics.samples import selected
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.case import Curves, Row
 from studies.judges import metrics
 from studies.judges.converged_truth import Solved, followed, solved, times_between_s
@@ -29,7 +29,7 @@ class Judged:
     to ``compared_until_s``.
     """
 
-    own: AnyScene
+    own: Scene
     run: Trajectory
     plain: Trajectory
     solved: Solved
@@ -38,7 +38,7 @@ class Judged:
     compared_until_s: float
 
 
-def judged(engine: Engine, scene: AnyScene, asked: RunSettings) -> Judged:
+def judged(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
     """Run a scene by an engine, with samples where something happens, and find its truth.
 
     Steps are those of the run that is asked for. With clearance ``times_between_s`` are sampled; of ideal
@@ -56,7 +56,7 @@ def judged(engine: Engine, scene: AnyScene, asked: RunSettings) -> Judged:
     )
 
 
-def _with_clearance(engine: Engine, scene: AnyScene, own: AnyScene, asked: RunSettings) -> Judged:
+def _with_clearance(engine: Engine, scene: Scene, own: Scene, asked: RunSettings) -> Judged:
     run = engine.simulate(scene, replace(asked, at_s=times_between_s(own, asked.samples)))
     found = solved(own, asked.samples)
     until_s = scene.end_time_s * (followed(own, asked.samples) - 1) / asked.samples
@@ -68,7 +68,7 @@ def _with_clearance(engine: Engine, scene: AnyScene, own: AnyScene, asked: RunSe
     return Judged(own, run, plain, found, equal, peaks, until_s)
 
 
-def _ideal(engine: Engine, scene: AnyScene, asked: RunSettings) -> Judged:
+def _ideal(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
     finer = _finer(engine, scene, asked)
     run, found = engine.simulate(scene, finer), solved(scene, finer.samples)
     equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
@@ -83,7 +83,7 @@ def _steps_are_equal(engine: Engine) -> bool:
     return getattr(engine, "order", 0) is not None
 
 
-def _finer(engine: Engine, scene: AnyScene, asked: RunSettings) -> RunSettings:
+def _finer(engine: Engine, scene: Scene, asked: RunSettings) -> RunSettings:
     """Return the settings with more samples, up to ``FINE``, that leave the steps as they are."""
     most, steps = max(1, FINE // asked.samples), asked.steps_per_sample(scene.end_time_s)
     if _steps_are_equal(engine):
@@ -91,7 +91,7 @@ def _finer(engine: Engine, scene: AnyScene, asked: RunSettings) -> RunSettings:
     return replace(asked, samples=most * asked.samples)
 
 
-def _peaks(own: AnyScene, truth: Trajectory) -> dict[str, float]:
+def _peaks(own: Scene, truth: Trajectory) -> dict[str, float]:
     """Return the largest sizes of the truth's signals."""
     return {name: float(size.max()) for name, size in metrics.sizes(own, truth).items()}
 

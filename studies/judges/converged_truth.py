@@ -31,7 +31,7 @@ from engine_models.mechanics.states import observed_m
 from engine_models.minimal.model import LimitPosition
 from engine_models.minimal.sharp import SharpSolver
 from engine_models.reference.engine import SHARPEST, ReferenceEngine
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.judges.horizon import PERTURBATION_RAD, a_place_off, moved
 from studies.judges.metrics import sizes
 from studies.judges.run_cache import kept, kept_run
@@ -72,7 +72,7 @@ class Solved(NamedTuple):
         return Solved(selected(self.truth, which), repeats, self.by)
 
 
-def converged(scene: AnyScene, samples: int) -> tuple[Trajectory, tuple[Trajectory, ...]]:
+def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory, ...]]:
     """Return the true trajectory and its repeats, at equally spaced times.
 
     Raises:
@@ -84,12 +84,12 @@ def converged(scene: AnyScene, samples: int) -> tuple[Trajectory, tuple[Trajecto
     return found.truth, found.repeats
 
 
-def truth_by(scene: AnyScene, samples: int) -> str:
+def truth_by(scene: Scene, samples: int) -> str:
     """Return what the truth of a scene is by: ``INDEPENDENT`` equations, or the ``REFERENCE``."""
     return _on_equal(scene, samples).by
 
 
-def times_between_s(scene: AnyScene, samples: int) -> tuple[float, ...]:
+def times_between_s(scene: Scene, samples: int) -> tuple[float, ...]:
     """Return the times, beside equal samples, at which runs of a scene with clearance are judged.
 
     They are those of ``GRID``, where the samples are some of them; those within every impact of the true
@@ -99,13 +99,13 @@ def times_between_s(scene: AnyScene, samples: int) -> tuple[float, ...]:
     return tuple(_judging(scene, _at_least(samples)).times_s(scene).tolist())
 
 
-def _judging(scene: AnyScene, samples: int) -> RunSettings:
+def _judging(scene: Scene, samples: int) -> RunSettings:
     """Return the settings of a true run to judge by."""
     return RunSettings(scene.end_time_s, samples, _telling_times_s(scene))
 
 
 @lru_cache(maxsize=64)
-def solved(scene: AnyScene, samples: int) -> Solved:
+def solved(scene: Scene, samples: int) -> Solved:
     """Return the true solution at all times at which runs with so many samples are judged.
 
     Raises:
@@ -120,7 +120,7 @@ def solved(scene: AnyScene, samples: int) -> Solved:
 
 
 @lru_cache(maxsize=64)
-def _on_equal(scene: AnyScene, samples: int) -> Solved:
+def _on_equal(scene: Scene, samples: int) -> Solved:
     """Return the true solution at equally spaced times."""
     if _at_least(samples) > samples:
         return _on_equal(scene, GRID).selected(slice(None, None, GRID // samples))
@@ -133,13 +133,13 @@ def _at_least(samples: int) -> int:
 
 
 @lru_cache(maxsize=64)
-def _telling_times_s(scene: AnyScene) -> tuple[float, ...]:
+def _telling_times_s(scene: Scene) -> tuple[float, ...]:
     """Return the times within the impacts of the true solution, and those at which a signal is large."""
     dense = RunSettings(scene.end_time_s, DENSE)
     return kept(__name__, TRUE, scene, dense, lambda: _found_telling(scene, dense))
 
 
-def _found_telling(scene: AnyScene, dense: RunSettings) -> tuple[float, ...]:
+def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
     run = _sampled(scene, dense)
     times = [run.time_s[_peaks(size)] for size in sizes(scene, run).values()]
     giving = [joint for joint, room in scene.clearances.items() if room.law != "rigid"]
@@ -164,7 +164,7 @@ def _found_telling(scene: AnyScene, dense: RunSettings) -> tuple[float, ...]:
     return tuple(np.unique(np.concatenate(times)).tolist())
 
 
-def _sampled(scene: AnyScene, dense: RunSettings) -> Trajectory:
+def _sampled(scene: Scene, dense: RunSettings) -> Trajectory:
     try:
         return TRUE.simulate(scene, dense)
     except LimitPosition:
@@ -190,7 +190,7 @@ def _begins_and_ends_s(run: Trajectory, contact: Contact) -> FloatArray:
     return ends
 
 
-def _solved(scene: AnyScene, whole: RunSettings) -> Solved:
+def _solved(scene: Scene, whole: RunSettings) -> Solved:
     """Return what solves a scene, and its solution, at the times of a run in whole steps."""
     beside, other = (a_place_off(scene, side * PLACES) for side in (1.0, -1.0))
     try:
@@ -205,7 +205,7 @@ def _solved(scene: AnyScene, whole: RunSettings) -> Solved:
     return Solved(truth, tuple(repeats), by)
 
 
-def true_at(scene: AnyScene, run: RunSettings) -> Trajectory:
+def true_at(scene: Scene, run: RunSettings) -> Trajectory:
     """Return the true trajectory at the times of a run.
 
     Raises:
@@ -214,7 +214,7 @@ def true_at(scene: AnyScene, run: RunSettings) -> Trajectory:
     return _solved(scene, run).truth
 
 
-def cross_check(scene: AnyScene, samples: int) -> Trajectory:
+def cross_check(scene: Scene, samples: int) -> Trajectory:
     """Return the reference's sharpest run of a scene.
 
     Raises:
@@ -224,14 +224,14 @@ def cross_check(scene: AnyScene, samples: int) -> Trajectory:
 
 
 @lru_cache(maxsize=64)
-def followed(scene: AnyScene, samples: int) -> int:
+def followed(scene: Scene, samples: int) -> int:
     """Return how many samples of the true trajectory come before the scene's horizon.
 
     That is where a repeat parts from it, or with clearance a run of the reference with the turning body's
     angle moved by PERTURBATION_RAD to either side, if the start tells that angle.
     """
     truth, repeats = converged(scene, samples)
-    whole, sides = RunSettings(scene.end_time_s, samples), list[AnyScene]()
+    whole, sides = RunSettings(scene.end_time_s, samples), list[Scene]()
     if scene.joints_with_clearance:
         with suppress(ValueError):
             sides = [moved(scene, side * PERTURBATION_RAD) for side in (-1, 1)]
@@ -240,7 +240,7 @@ def followed(scene: AnyScene, samples: int) -> int:
 
 
 def reach(
-    scene: AnyScene, truth: Trajectory, repeats: tuple[Trajectory, ...], tolerance_m: float = POINTWISE_M
+    scene: Scene, truth: Trajectory, repeats: tuple[Trajectory, ...], tolerance_m: float = POINTWISE_M
 ) -> int:
     """Return how many samples come before what is observed is off by more than a tolerance in a repeat."""
     apart = np.max(

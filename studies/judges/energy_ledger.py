@@ -10,13 +10,13 @@ import numpy as np
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.energy import potential_energies_J
 from engine_models.mechanics.states import off_line, pin_gap
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.judges.metrics import kinetic_energy_J
 
 Lines = dict[str, FloatArray]
 
 
-def stored(scene: AnyScene, run: Trajectory) -> Lines:
+def stored(scene: Scene, run: Trajectory) -> Lines:
     """Return the energy gained since t = 0: kinetic, gravitational, of springs, elastic in all contacts."""
     energies = {"kinetic": kinetic_energy_J(scene, run), **potential_energies_J(scene, run)}
     return {f"{name}_change_J": energy - energy[0] for name, energy in energies.items()}
@@ -39,7 +39,7 @@ def load_works(run: Trajectory) -> Lines:
     return {f"{of_slider[part]}{names[part]}_work_J": work for part, work in run.load_work_J.items()}
 
 
-def ledger(scene: AnyScene, run: Trajectory) -> Lines:
+def ledger(scene: Scene, run: Trajectory) -> Lines:
     """Return all lines: ``stored``, the works of driver and loads, what is ``dissipated``, or stabilised.
 
     A scene without a driver has no line of its work, and an engine that does not tell what stabilisation
@@ -51,7 +51,7 @@ def ledger(scene: AnyScene, run: Trajectory) -> Lines:
     return {name: line for name, line in lines.items() if line is not None}
 
 
-def constraint_speed_m_s(scene: AnyScene, run: Trajectory) -> FloatArray:
+def constraint_speed_m_s(scene: Scene, run: Trajectory) -> FloatArray:
     """Return the largest speed at which an ideal joint opens or a body leaves its guide, (n,).
 
     It is |g'|, the violation at velocity level, where ``metrics.constraint_violation_m`` is |g|. The vector

@@ -5,8 +5,9 @@ less than anybody could build or measure, and its own run at half the step. The 
 time at which the first of them is off by more than that. Pointwise errors beyond it mean nothing.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +16,7 @@ from engine_models.mechanics.assembly import start_angle
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.states import observed_m
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.data import Parts, SceneData
-from engine_models.scene.parts import AnyScene, GeneralParts
 from engine_models.scene.scene import Scene
-
-T = TypeVar("T", bound=AnyScene)
 
 #: By how much the crank angle at the start is moved, in rad: some 5e-12 m at the crank pin of the library's
 #: scenes, far above round-off. Both signs and sizes around it tell how certain a horizon is.
@@ -39,7 +36,7 @@ class Apart:
     halved_m: FloatArray
 
 
-def moved(scene: T, by_rad: float) -> T:
+def moved(scene: Scene, by_rad: float) -> Scene:
     """Return the scene started at another angle of its turning body, with velocities that fit.
 
     Raises:
@@ -49,29 +46,27 @@ def moved(scene: T, by_rad: float) -> T:
     return scene.replace(path, angle + by_rad)
 
 
-def a_place_off(scene: T, places: float = 1.0) -> T:
+def a_place_off(scene: Scene, places: float = 1.0) -> Scene:
     """Return the scene started a unit in the last place off, or so many: nobody knows a start better.
 
     So are the angles and speeds that the start tells, or the state of every body. A place of an angle is one
     of a radian at least, and of another number that is zero none.
     """
-    assert isinstance(scene, Scene | GeneralParts)
-    start = _a_place_off(scene.start, places)
-    if isinstance(scene, Scene):
-        return scene.model_copy(update={"start": start})
-    return scene.replace("start", start.model_dump(exclude_none=True))
+    return scene.replace("start", _a_place_off(scene.as_written()["start"], places))
 
 
-def _a_place_off(state: SceneData, places: float) -> SceneData:
-    changes: dict[str, object] = {}
-    for name, value in state:
-        if isinstance(value, SceneData):
-            changes[name] = _a_place_off(value, places)
-        elif isinstance(value, dict):
-            changes[name] = Parts({key: _place_off(name, number, places) for key, number in value.items()})
-        elif isinstance(value, float) and name != "time_s":
-            changes[name] = _place_off(name, value, places)
-    return state.model_copy(update=changes)
+def _a_place_off(start: Mapping[str, Any], places: float, of: str = "") -> dict[str, Any]:
+    """Return the entries of a start, or of its part ``of``, so many places off."""
+    off: dict[str, Any] = {}
+    for name, value in start.items():
+        if isinstance(value, Mapping):
+            off[name] = _a_place_off(value, places, name)
+        else:
+            moves = isinstance(value, float) and name != "time_s"
+            off[name] = (
+                _place_off(of if of.endswith("angle_rad") else name, value, places) if moves else value
+            )
+    return off
 
 
 def _place_off(name: str, value: float, places: float) -> float:
@@ -81,7 +76,7 @@ def _place_off(name: str, value: float, places: float) -> float:
 
 
 def apart(
-    scene: AnyScene,
+    scene: Scene,
     samples: int,
     sizes: tuple[float, ...] = SIZES,
     step_s: float = STEP_S,
@@ -96,7 +91,7 @@ def apart(
     """
     reference = ReferenceEngine()
 
-    def position(of: AnyScene, step: float) -> FloatArray:
+    def position(of: Scene, step: float) -> FloatArray:
         return observed_m(of, require_quality(of, reference.simulate(of, RunSettings(step, samples))))
 
     base = position(scene, step_s)

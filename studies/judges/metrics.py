@@ -15,7 +15,6 @@ from engine_models.mechanics.energy import unaccounted_part
 from engine_models.mechanics.quality import constraint_violation_m as constraint_violation_m
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.states import guide_column, observed_columns
-from engine_models.scene.parts import AnyScene
 from engine_models.scene.scene import Scene
 from studies.case import Curves, Row
 
@@ -39,14 +38,14 @@ def finite(run: Trajectory) -> bool:
     return all(np.isfinite(value).all() for value in values if isinstance(value, np.ndarray))
 
 
-def signals(scene: AnyScene, trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:
+def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatArray]]:
     """Yield the compared signals by column name: ``slider_position_m`` (n,) and so on.
 
     First is what the scene observes, of a pendulum its angle, and its rate. Joint forces, and the places of
     pins in their bearings, are vectors, (n, 2). The driver torque is compared only where it is a reaction:
     under a prescribed speed.
     """
-    if isinstance(scene, Scene) and not scene.is_crank_slider:
+    if scene.is_short and not scene.is_crank_slider:
         yield "crank_angle_rad", trajectory.position[:, 0, 2]
         yield "crank_speed_rad_s", trajectory.velocity[:, 0, 2]
     else:
@@ -69,7 +68,7 @@ def is_force(name: str) -> bool:
     return name.endswith(("_N", "_N_m", "_N_s"))
 
 
-def sizes(scene: AnyScene, trajectory: Trajectory) -> dict[str, FloatArray]:
+def sizes(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray]:
     """Return the sizes of all signals, (n,), forces by length, by their names."""
     return {name: _size(value) for name, value in signals(scene, trajectory)}
 
@@ -79,7 +78,7 @@ def _size(value: FloatArray) -> FloatArray:
     return np.hypot(*value.T) if value.ndim == 2 else np.abs(value)
 
 
-def errors(scene: AnyScene, trajectory: Trajectory, truth: Trajectory) -> dict[str, FloatArray]:
+def errors(scene: Scene, trajectory: Trajectory, truth: Trajectory) -> dict[str, FloatArray]:
     """Return the error of each signal over time, (n,), forces by the length of the difference vector.
 
     The keys are the signals' names with ``_error`` before the unit, as in ``slider_position_error_m``.
@@ -97,7 +96,7 @@ def errors(scene: AnyScene, trajectory: Trajectory, truth: Trajectory) -> dict[s
     return out
 
 
-def uncertainties(scene: AnyScene, truth: Trajectory, repeats: list[Trajectory]) -> dict[str, float]:
+def uncertainties(scene: Scene, truth: Trajectory, repeats: list[Trajectory]) -> dict[str, float]:
     """Return the truth's own uncertainty of each signal: ``COVERAGE`` distances from a repeat plus round-off.
 
     The keys have ``_uncertainty`` before the unit, as in ``slider_position_uncertainty_m``.
@@ -109,7 +108,7 @@ def uncertainties(scene: AnyScene, truth: Trajectory, repeats: list[Trajectory])
     }
 
 
-def scales(scene: AnyScene, truth: Trajectory) -> dict[str, float]:
+def scales(scene: Scene, truth: Trajectory) -> dict[str, float]:
     """Return how far each signal is from its mean at most, forces by length: an error as large knows nothing.
 
     The mean is that over time. The keys have ``_scale`` before the unit, as in ``slider_position_scale_m``.
@@ -121,7 +120,7 @@ def scales(scene: AnyScene, truth: Trajectory) -> dict[str, float]:
     }
 
 
-def conserved(scene: AnyScene, run: Trajectory) -> tuple[Row, Curves]:
+def conserved(scene: Scene, run: Trajectory) -> tuple[Row, Curves]:
     """Return what needs no truth: energy balance, constraints and quality, at their worst, and as curves."""
     violation = constraint_violation_m(scene, run)
     worst: Row = {
@@ -132,7 +131,7 @@ def conserved(scene: AnyScene, run: Trajectory) -> tuple[Row, Curves]:
     return worst | checked(scene, run), curves
 
 
-def checked(scene: AnyScene, run: Trajectory) -> Row:
+def checked(scene: Scene, run: Trajectory) -> Row:
     """Return the columns of the check that ``crankslider simulate`` makes: what it found, and why it failed.
 
     They are ``unaccounted_energy_part``, ``ideal_gap_part``, ``penetration_part`` as far as the scene has

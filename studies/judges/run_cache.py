@@ -13,7 +13,7 @@ from llvmlite.binding import get_host_cpu_name
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.kernels import read_kept, write_kept
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.case import project_code, versions
 
 Kept = TypeVar("Kept")
@@ -24,12 +24,12 @@ CODE = ("reference_solver", "engine_models", "studies/judges")
 class Solver(Protocol):
     """A frozen dataclass of settings that can run scenes: an engine, or the independent solver."""
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the scene; raise UnsupportedScene or SimulationFailed rather than return nonsense."""
         ...
 
 
-def kept_run(engine: Solver, scene: AnyScene, settings: RunSettings) -> Trajectory:
+def kept_run(engine: Solver, scene: Scene, settings: RunSettings) -> Trajectory:
     """Return an engine's run, made now or before by the engine's same code on the same kind of processor.
 
     Its ``solve_time_s`` is that of the run that was made.
@@ -42,13 +42,11 @@ def kept_run(engine: Solver, scene: AnyScene, settings: RunSettings) -> Trajecto
     return kept(made_by, engine, scene, settings, lambda: engine.simulate(scene, settings))
 
 
-def kept(
-    made_by: str, engine: Solver, scene: AnyScene, settings: RunSettings, make: Callable[[], Kept]
-) -> Kept:
+def kept(made_by: str, engine: Solver, scene: Scene, settings: RunSettings, make: Callable[[], Kept]) -> Kept:
     """Return what a module makes of an engine's run of a scene, now or before by the same code."""
     kind = type(engine)
     code = made_by, project_code(CODE), versions(), kind.__module__, kind.__qualname__
-    run = engine, scene.model_dump_json(), settings
+    run = engine, scene.to_toml(), settings
     text = repr((*code, *run, platform.machine(), get_host_cpu_name()))
     name = f"run-{hashlib.sha256(text.encode()).hexdigest()[:32]}.pickle"
     if (content := read_kept(name)) is not None:

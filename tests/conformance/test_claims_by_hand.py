@@ -7,9 +7,9 @@ from itertools import count
 import numpy as np
 import pytest
 
-from engine_models.engine import Engine, Impacts, RunSettings, T, Trajectory
+from engine_models.engine import Engine, Impacts, RunSettings, Trajectory
 from engine_models.scene.library import SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.conform import (
     CLAIMS,
     Finding,
@@ -88,10 +88,10 @@ class OfItsOwnLaw(Altered):
     change: Change = unaltered
     told: bool = True
 
-    def twin(self, scene: T) -> T:
+    def twin(self, scene: Scene) -> Scene:
         return scene.replace("clearance.B.radial_clearance_m", 1e-4) if self.told else scene
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         return super().simulate(replace(self, told=True).twin(scene), settings)
 
 

@@ -4,8 +4,8 @@ import pytest
 
 from engine_models.engine import Engine
 from engine_models.engines import ENGINES, make_engine
+from engine_models.scene.library import ALL_SCENES as NAMES
 from engine_models.scene.library import RIGID_SCENES
-from engine_models.scene.library.mechanisms import ALL_SCENES as NAMES
 from studies.conform import scenes_of, verdicts
 
 #: The reference's second method owes the same.

@@ -155,14 +155,6 @@ def test_a_table_of_another_solver_is_held_to_the_reference_solution(tmp_path: P
         assert verdicts["joint_A_force_x_N"]["holds"]
 
 
-@pytest.mark.usefixtures("written")
-def test_it_runs_where_every_engine_does() -> None:
-    own = crankslider("simulate", "ideal-free", "--engine", NAME, "--end", 0.01, "--samples", 5)
-    exudyn = crankslider("simulate", "ideal-free", "--engine", "exudyn", "--end", 0.01, "--samples", 5)
-    assert own.code == 0, own.stderr
-    assert own.stdout == exudyn.stdout
-
-
 def test_a_study_runs_its_cases_and_no_others(written: Path) -> None:
     done = crankslider("run", "accuracy", "--engine", NAME, "--jobs", 2, "--out", written / "results")
     assert done.code == 0, done.stderr

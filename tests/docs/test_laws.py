@@ -10,7 +10,8 @@ import pytest
 from scipy.special import lambertw
 
 from engine_models.mechanics.contact_law import stiffness_of
-from engine_models.scene import parts, scene
+from engine_models.scene.format import LAWS
+from engine_models.scene.format import FrictionLaw as FrictionName
 from engine_models.scene.library import clearance
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, FRICTION_LAWS, NORMAL_LAWS, FrictionLaw
 from tests.docs.pages import table
@@ -40,8 +41,8 @@ def value(formula: str, **names: float) -> float:
 
 
 def test_every_law_and_every_damping_factor_of_the_code_is_on_the_page() -> None:
-    assert set(get_args(scene.ContactLaw)) | (NORMAL_LAWS.keys() - {"dissipative"}) == FAMILY.keys()
-    assert set(get_args(parts.FrictionLaw)) == FRICTION_LAWS.keys() == FRICTION.keys()
+    assert {*LAWS} | (NORMAL_LAWS.keys() - {"dissipative"}) == FAMILY.keys()
+    assert set(get_args(FrictionName)) == FRICTION_LAWS.keys() == FRICTION.keys()
     assert set(WITH_FACTOR) == DAMPING_FACTORS.keys()
 
 

@@ -15,7 +15,7 @@ from typer.main import get_command
 
 from crankslider.command import app
 from engine_models import engines
-from engine_models.scene.file import form_of
+from engine_models.scene.scene import Scene
 from studies.registry import STUDIES
 from tests.docs.pages import EXAMPLES, PAGES, ROOT, Block, blocks
 from tests.helpers.command import crankslider
@@ -139,7 +139,7 @@ def _read_toml(block: Block, where: str) -> None:
     if not block.file:
         kept = max(Path().glob("*.toml"), key=lambda path: path.stat().st_mtime_ns)
         data = {**tomllib.loads(kept.read_text(encoding="utf-8")), **data}
-    assert form_of(data).checked(data), where
+    assert Scene.checked(data), where
 
 
 @pytest.mark.system

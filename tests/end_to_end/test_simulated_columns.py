@@ -122,34 +122,3 @@ def test_every_column_is_what_newton_says(engine: str, tmp_path: Path) -> None:
         assert off <= WITHIN[engine] * scale, f"{column}: off by {off / scale:.1e} of its largest size"
     largest = max(line["kinetic_energy_J"] for line in expected)
     assert max(abs(float(line[RESIDUAL])) for line in lines) <= BALANCE * largest
-
-
-DAMPED_CLEARANCE_M, SLIDER_KG = 1e-4, 0.14
-#: Sums of the same few numbers in another order.
-ROUND_OFF = 1e-12
-
-
-def test_contact_columns_add_up_to_the_force_that_the_pin_feels(tmp_path: Path) -> None:
-    out = tmp_path / "run.csv"
-    arguments = ("clearance-driven-damped", "--end", 0.012, "--samples", 60, "--out", out)
-    assert crankslider("simulate", *arguments).code == 0
-    with out.open(encoding="utf-8", newline="") as file:
-        lines = [{name: float(value) for name, value in line.items()} for line in csv.DictReader(file)]
-    touching = 0
-    largest = max(line["contact_B_normal_force_N"] for line in lines)
-    for line in lines[1:]:  # at first the pin is in the middle
-        x, y = line["clearance_B_x_m"], line["clearance_B_y_m"]
-        gap, normal, friction = (
-            math.hypot(x, y),
-            line["contact_B_normal_force_N"],
-            line["contact_B_friction_force_N"],
-        )
-        assert line["contact_B_penetration_m"] == pytest.approx(gap - DAMPED_CLEARANCE_M, abs=1e-18)
-        # The bearing pushes the slider's pin back to its centre, and rubs it square to that.
-        force_x, force_y = (-normal * x - friction * y) / gap, (-normal * y + friction * x) / gap
-        assert line["joint_B_force_x_N"] == pytest.approx(force_x, abs=ROUND_OFF * largest)
-        assert line["joint_B_force_y_N"] == pytest.approx(force_y, abs=ROUND_OFF * largest)
-        guide = SLIDER_KG * 9.81 - force_y
-        assert line["guide_normal_force_N"] == pytest.approx(guide, abs=ROUND_OFF * largest)
-        touching += normal > 0 and friction != 0 and abs(x) > 0.1 * gap and abs(y) > 0.1 * gap
-    assert touching > len(lines) / 4

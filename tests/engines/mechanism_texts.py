@@ -9,7 +9,6 @@ from pathlib import Path
 
 from engine_models.scene import library
 from engine_models.scene.file import from_toml
-from engine_models.scene.general import GeneralScene
 from engine_models.scene.scene import Scene
 
 #: Of the files of the library's mechanisms.
@@ -140,7 +139,7 @@ ENDS: dict[str, dict[str, tuple[float, float, float]]] = {
 }
 
 
-def scene(text: str, **changes: object) -> Scene | GeneralScene:
+def scene(text: str, **changes: object) -> Scene:
     """Return the scene of a text, with other values in some fields, whose dots are written as __."""
     return from_toml(text, changes={path.replace("__", "."): value for path, value in changes.items()})
 

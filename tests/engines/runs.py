@@ -7,7 +7,7 @@ import numpy as np
 
 from engine_models.engine import Contact, Engine, FloatArray, Impacts, RunSettings, Trajectory
 from engine_models.engines import make_engine
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import converged
 
 #: Equal output intervals of the runs that are compared.
@@ -25,12 +25,12 @@ def engine(name: str) -> Engine:
 
 
 @cache
-def true_solution(scene: AnyScene, samples: int = SAMPLES) -> Trajectory:
+def true_solution(scene: Scene, samples: int = SAMPLES) -> Trajectory:
     """Return the reference solution, of independent equations where there is one."""
     return converged(scene, samples)[0]
 
 
-def fresh(name: str, scene: AnyScene, steps: int, samples: int = SAMPLES) -> Trajectory:
+def fresh(name: str, scene: Scene, steps: int, samples: int = SAMPLES) -> Trajectory:
     """Return an engine's run of a scene in so many steps between samples."""
     return engine(name).simulate(scene, RunSettings(scene.end_time_s / samples / steps, samples))
 

@@ -9,12 +9,9 @@ from pydantic import ValidationError
 
 from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import ENGINES, make_engine
-from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.quality import quality_of
-from engine_models.scene.data import SceneError
-from engine_models.scene.drives import TableDrive
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene, Start
+from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import converged
 from tests.engines.runs import run
 from tests.helpers.crank_sliders import HELD
@@ -149,21 +146,3 @@ def test_two_pins_that_touch_at_one_instant_both_do() -> None:
             impacts = found.contacts[joint].impacts
             np.testing.assert_allclose(impacts.time_s, times, rtol=0, atol=within)
             np.testing.assert_allclose(impacts.approach_speed_m_s, speeds, rtol=0, atol=100 * within)
-
-
-# Runs, engines and scenes that are asked for wrongly in Python are refused in the command line's words.
-
-
-def test_a_scene_by_a_table_can_be_begun_within_it() -> None:
-    """Clock, speed and end are changed together: each alone would leave the table, an angle of 10 t^2."""
-    times, angles = (0.0, 0.1, 0.2, 0.3, 0.4), (0.0, 0.1, 0.4, 0.9, 1.6)
-    table = TableDrive(kind="table", time_s=times, angle_rad=angles)
-    start = Start(crank_angle_rad=0.0, crank_speed_rad_s=0.0)
-    driven = SCENES["ideal-driven"]().model_copy(update={"drive": table, "start": start, "end_time_s": 0.4})
-    position, velocity = start_state(driven)
-    velocity = velocity + 0.0
-    velocity[0, 2] = 4.0  # at 0.2 s
-    with pytest.raises(SceneError, match=r"drive.time_s.4: expected at least 0.6, when the scene ends"):
-        started_from(driven, position, velocity, 0.2)
-    later = started_from(driven, position, velocity, 0.2, 0.2)
-    assert (later.start.time_s, later.start.crank_speed_rad_s, later.end_time_s) == (0.2, 4.0, 0.2)

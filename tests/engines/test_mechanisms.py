@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
-from engine_models.mechanics.assembly import assembled, start_state, started_from
+from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
-from engine_models.mechanics.states import observed
+from engine_models.mechanics.states import lever_m, observed
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.inspection import inspect
 from engine_models.scene.file import SceneError
-from engine_models.scene.general import GeneralScene
+from engine_models.scene.format import Place
 from engine_models.scene.library import IDEAL_SCENES, clearance_pendulum
-from engine_models.scene.parts import Place
 from engine_models.scene.scene import Scene
+from engine_models.scene.start import assembled
 from tests.engines.mechanism_texts import (
     FOUR_BAR,
     OFFSET_CRANK_SLIDER,
@@ -93,17 +93,15 @@ def test_peers_of_the_literature_end_where_theirs_do() -> None:
 GENERAL = [name for name, text in TEXTS.items() if "[body]" in text]
 
 
-def general(text: str, **changes: object) -> GeneralScene:
-    of = scene(text, **changes)
-    assert isinstance(of, GeneralScene)
-    return of
+def general(text: str, **changes: object) -> Scene:
+    return scene(text, **changes)
 
 
 def pair(place: Place) -> FloatArray:
     return np.array(place if isinstance(place, tuple) else (place, 0.0))
 
 
-def gaps(of: GeneralScene, q: FloatArray) -> list[float]:
+def gaps(of: Scene, q: FloatArray) -> list[float]:
     """Return how far pins of one name are apart, from the file's own places."""
     places = {pin: [pair(place)] for pin, place in of.ground.pins_m.items()}
     for (x, y, angle), body in zip(q, of.body.values(), strict=True):
@@ -149,11 +147,11 @@ def test_a_way_along_a_turning_guide_is_held_and_speeds_are_those_of_the_closed_
 @pytest.mark.parametrize("name", IDEAL_SCENES)
 def test_a_plain_crank_slider_starts_by_the_closed_formulas(name: str) -> None:
     of = IDEAL_SCENES[name]()
-    expected = assembled(of, of.start.crank_angle_rad, of.start.crank_speed_rad_s)
+    expected = assembled(of.short, of.short.start.crank_angle_rad, of.short.start.crank_speed_rad_s)
     for found, each in zip(start_state(of), expected, strict=True):
         np.testing.assert_array_equal(found, each)
     # The same start put together: one last place off it.
-    q, v = start_state(GeneralScene.checked(of.general.model_dump(exclude_none=True)))
+    q, v = start_state(Scene.model_validate(of.model_dump(exclude_none=True)))
     assert np.abs(q - expected[0]).max() < 1e-15
     np.testing.assert_allclose(v, expected[1], rtol=1e-12, atol=1e-12)
 
@@ -228,7 +226,7 @@ speed_m_s = { slot = 0.0 }
 """
 
 
-def kept(of: Scene | GeneralScene) -> Trajectory:
+def kept(of: Scene) -> Trajectory:
     """Return a sharp run, whose ledger closes."""
     run = SHARP.simulate(of, RunSettings(of.end_time_s, 10))
     assert np.abs(energy_balance_residual_J(of, run)).max() < 1e-9 * energy_in_play_J(of, run)
@@ -317,4 +315,4 @@ def test_a_pendulum_observes_its_pin_a() -> None:
     of = clearance_pendulum().replace({"clearance": {}, "crank.centre_of_mass_m": 0.0})
     of = of.replace({"start.crank_angle_rad": 0.3, "start.crank_speed_rad_s": 2.0})
     run = ReferenceEngine().simulate(of, RunSettings(1e-3, 10))
-    assert observed(of, run)[0] == pytest.approx(of.crank.length_m * np.cos(run.position[:, 0, 2]), abs=1e-12)
+    assert observed(of, run)[0] == pytest.approx(lever_m(of) * np.cos(run.position[:, 0, 2]), abs=1e-12)

@@ -14,9 +14,9 @@ from engine_models.engine import RunSettings, SimulationFailed, Trajectory, Unsu
 from engine_models.mechanics.energy import energy_balance_residual_J
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.format import Clearance
 from engine_models.scene.library import SCENES, ideal_driven, ideal_free
-from engine_models.scene.parts import AnyScene
-from engine_models.scene.scene import Clearance, Scene
+from engine_models.scene.scene import Scene
 from tests.engines.mechanism_texts import QUICK_RETURN, SCOTCH_YOKE
 from tests.engines.mechanism_texts import scene as mechanism
 from tests.engines.runs import errors, impact_numbers
@@ -32,11 +32,11 @@ DAMPED = SCENES["clearance-driven-damped"]()
 FACTORS = (1.0, 1.07, 1.13, 1.21, 1.29, 1.37)
 
 
-def run(of: AnyScene, steps: float, engine: PymunkEngine | None = None, samples: int = SAMPLES) -> Trajectory:
+def run(of: Scene, steps: float, engine: PymunkEngine | None = None, samples: int = SAMPLES) -> Trajectory:
     return (engine or PymunkEngine()).simulate(of, RunSettings(of.end_time_s / steps, samples))
 
 
-def sharp(of: AnyScene, samples: int = SAMPLES) -> Trajectory:
+def sharp(of: Scene, samples: int = SAMPLES) -> Trajectory:
     return SHARP.simulate(of, RunSettings(of.end_time_s, samples))
 
 
@@ -49,7 +49,7 @@ def off(one: Trajectory, other: Trajectory) -> float:
     return float(np.abs(one.position - other.position).max())
 
 
-def mean_square(of: AnyScene, true: Trajectory, steps: float, **settings: Any) -> tuple[float, float]:
+def mean_square(of: Scene, true: Trajectory, steps: float, **settings: Any) -> tuple[float, float]:
     """Return the mean square error of the slider over runs of about so many steps, and how many they took."""
     runs = [run(of, steps * factor, PymunkEngine(**settings), len(true.time_s) - 1) for factor in FACTORS]
     squares = [np.square(one.position - true.position)[:, -1, 0].max() for one in runs]
@@ -64,9 +64,9 @@ STEPS, END_S, SWEEPS = 2000, 2e-3, 20
 def plain_space(of: Scene) -> tuple[pymunk.Space, pymunk.Body, pymunk.Body]:
     """Return a space with a crank at constant speed, a rod pinned to it and a slider, and the last two."""
     _, link, block = of.crank_slider()
-    space, speed = pymunk.Space(), of.start.crank_speed_rad_s
-    space.iterations, space.gravity = SWEEPS, (0.0, -of.weight_m_s2)
-    r, length, d = of.crank.length_m, link.length_m, link.centre_of_mass_m
+    space, speed = pymunk.Space(), of.short.start.crank_speed_rad_s
+    space.iterations, space.gravity = SWEEPS, (0.0, of.gravity[1])
+    r, length, d = of.short.crank.length_m, link.length_m, link.centre_of_mass_m
     crank = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
     rod, slider = pymunk.Body(link.mass_kg, link.inertia_kg_m2), pymunk.Body(block.mass_kg, math.inf)
     crank.angular_velocity, rod.angular_velocity = speed, -r / length * speed  # at the outer dead centre
@@ -119,7 +119,7 @@ def test_bodies_move_as_in_a_loop_of_python_with_callbacks() -> None:
     of = until(DAMPED, END_S)
     link = of.crank_slider()[1]
     space, rod, slider = plain_space(of)
-    pushed_by_its_law(space, rod, slider, of.clearance.B, link.length_m - link.centre_of_mass_m)
+    pushed_by_its_law(space, rod, slider, of.clearance["B"], link.length_m - link.centre_of_mass_m)
     path = [[[*body.position, body.angle] for body in (rod, slider)]]
     for _ in range(STEPS):
         space.step(END_S / STEPS)
@@ -379,7 +379,7 @@ def test_the_twin_of_a_native_contact_is_the_scene_with_rigid_walls() -> None:
     twin = native.twin(of)
     assert twin.clearance == SCENES["rigid-driven-AB"]().clearance
     assert arrays(run(until(of, 2e-3), 2000, native)) == arrays(run(until(twin, 2e-3), 2000))
-    damped = native.twin(DAMPED).clearance.B
+    damped = native.twin(DAMPED).clearance["B"]
     assert damped is not None
     assert (damped.law, damped.restitution) == ("rigid", 0.5)
     assert damped.friction is not None

@@ -1,7 +1,5 @@
 """What a run of any engine costs and tells on its way: progress, time, memory, compiling, its own error."""
 
-import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +9,11 @@ from engine_models import memory
 from engine_models.convergence.own_uncertainty import simulate_with_uncertainty
 from engine_models.convergence.step_halving import FEWEST_SAMPLES, simulate_to_tolerance
 from engine_models.engine import RunSettings, SimulationFailed
-from engine_models.engines import ENGINES, engine_class, make_engine
-from engine_models.kernels import CompiledEngine
+from engine_models.engines import ENGINES, make_engine
 from engine_models.mechanics.states import observed
 from engine_models.progress import told_to
 from engine_models.reference import run as reference_runs
-from engine_models.scene.library import SCENES, ideal_driven
+from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp import calls as scipy_calls
 from tests.engines.mechanism_texts import TEXTS
@@ -92,21 +89,6 @@ def test_a_bare_run_ends_where_the_watched_one_does(engine: str, name: str) -> N
 # What is compiled.
 
 
-@pytest.mark.parametrize("name", ["reference", "scipy"])
-def test_compiling_is_timed_elsewhere_and_kernels_kept_are_left_alone(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("CRANKSLIDER_CACHE", str(tmp_path))
-    of, engine, settings = ideal_driven(), make_engine(name), RunSettings(1e-4, 10)
-    assert isinstance(engine, CompiledEngine)
-    assert not engine_class("exudyn").compiles
-    engine.simulate(of, settings)
-    times_before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
-    assert engine.compile_time_s(of, settings) > 0.0
-    assert os.environ["CRANKSLIDER_CACHE"] == str(tmp_path)
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == times_before
-
-
 # Memory.
 
 
@@ -125,16 +107,6 @@ def test_a_run_too_large_for_the_memory_is_refused_in_one_line(
     assert done.code == 2
     assert done.stderr.startswith(f"error: {refusal}")
     assert done.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize(("limit", "free"), [("1000000000", 10**9), ("max", 4_096_000_000)])
-def test_a_group_has_no_more_memory_than_it_may(
-    limit: str, free: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert 1e6 < memory.free_bytes() < 1e15
-    files = {"meminfo": "MemTotal: 9000000 kB\nMemAvailable: 4000000 kB\n", "memory.max": f"{limit}\n"}
-    monkeypatch.setattr(Path, "read_text", lambda path, **_: files[path.name])
-    assert memory.free_bytes() == free
 
 
 # Errors that a run tells of itself.

@@ -126,7 +126,7 @@ def test_the_first_contacts_are_those_of_the_reference(of: Scene, method: str) -
 def test_a_touch_within_a_long_step_is_not_missed(method: str) -> None:
     """Flight is a parabola, which steps of any length follow: the pin is beyond the wall for 0.3 ms of 15."""
     pendulum, c = SCENES["clearance-pendulum"](), 5e-4
-    g, s = pendulum.weight_m_s2, pendulum.crank.centre_of_mass_m
+    g, s = -pendulum.gravity[1], pendulum.short.crank.centre_of_mass_m
     found = []
     for height in (c + 1e-7, c - 1e-7):
         state = {"x_m": 0.0, "y_m": -s, "angle_rad": -np.pi / 2, "velocity_x_m_s": 0.0}
@@ -265,6 +265,6 @@ def test_a_start_in_a_dead_centre_fails_with_the_reason(method: str) -> None:
     A scene may begin no nearer to it than the crank's sine is from 1 by rounding.
     """
     start = {"crank_angle_rad": np.pi / 2 - 3e-8, "crank_speed_rad_s": 0.0}
-    dead = FREE.model_copy(update={"rod": FREE.crank, "start": start})
+    dead = FREE.model_copy(update={"rod": FREE.short.crank, "start": start})
     with pytest.raises(SimulationFailed, match=f"{method} stopped at t = 0 s: the joints' rows have rank"):
         run(dead, method, 1e-3, 1e-4)

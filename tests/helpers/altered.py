@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.engines import make_engine
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -17,10 +17,10 @@ class Altered(Engine):
     sharp: bool = False
     order: ClassVar[int | None] = 4
 
-    def check(self, scene: AnyScene) -> None:
+    def check(self, scene: Scene) -> None:
         """It runs all scenes."""
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         """Run the reference and alter what it returns."""
         sharp = {"method": "dop853", "step_tolerance": 1e-12} if self.sharp else {}
         return self.change(make_engine("reference", **sharp).simulate(scene, settings))

@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.mechanics.assembly import assembled
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
+from engine_models.scene.start import assembled
 from reference_solver.equations import Baumgarte
 from reference_solver.mechanism.mechanism import GROUND, Mechanism, SameAngle, Slot
 from reference_solver.mechanism.mechanism import Point as Place
@@ -32,7 +32,9 @@ def straight_guide(body: int, point: Place, angle_rad: float) -> tuple[Slot, Sam
 
 def scene_case(name: str) -> Start:
     scene = IDEAL_SCENES[name]()
-    q, v = assembled(scene, scene.start.crank_angle_rad + 0.7, scene.start.crank_speed_rad_s + 10)
+    q, v = assembled(
+        scene.short, scene.short.start.crank_angle_rad + 0.7, scene.short.start.crank_speed_rad_s + 10
+    )
     driven = mechanism_of(
         scene.model_copy(
             update={"start": scene.start.model_copy(update={"crank_speed_rad_s": float(v[0, 2])})}

@@ -40,7 +40,7 @@ def random_scene(seed: int, rigid: bool) -> Scene:
     drive: dict[str, Any] = {"kind": str(rng.choice(["free", "torque", "constant-speed"]))}
     if drive["kind"] == "torque":
         drive["torque_N_m"] = float(rng.choice([-1.0, 1.0]) * rng.random() * swing_J)
-    return Scene.model_validate(
+    return Scene.checked(
         {
             "name": f"random-{'rigid' if rigid else 'compliant'}-{seed}",
             "end_time_s": _between(rng, 0.1, 0.6) * 2 * np.pi / abs(speed),

@@ -10,21 +10,16 @@ import lzma
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib import import_module
 from itertools import groupby
-from multiprocessing import get_context
 from pathlib import Path
+from queue import SimpleQueue
 from random import Random, randrange
-from tempfile import TemporaryDirectory, mkdtemp
-from xml.etree import ElementTree
-
-import pytest
+from tempfile import TemporaryDirectory
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -32,17 +27,7 @@ else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 
 ROOT = Path(__file__).parents[2]
-FORK = get_context("fork")
-#: What takes longer to import than most bugs to catch: pytest runs in copies of a process that has it. Not
-#: Exudyn, of which a process has the build that it loads first.
-LIBRARIES = (
-    *("numpy", "pandas", "numba", "matplotlib.figure", "matplotlib.backends.backend_agg", "scipy.integrate"),
-    *("scipy.stats", "scipy.interpolate", "hypothesis", "jinja2", "pydantic", "pymunk", "rich.progress"),
-    "typer",
-)
-#: Plugins of pytest that a library has imported before it are none whose assertions matter.
-IGNORED = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
-QUIET = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", "not accuracy", "--junit-xml=junit.xml")
+PYTEST = (sys.executable, "-m", "pytest", "-q", "-rfE", "-n", "0", "-p", "no:cacheprovider")
 #: Longer than the tests of a bug take; one that makes a test hang has not been caught.
 LIMIT_S = 300.0
 
@@ -84,59 +69,41 @@ def read_bugs() -> list[Bug]:
     return [Bug(**entry) for entry in tomllib.loads(text)["bug"]]
 
 
-def copy_project(folder: str) -> None:
-    """Copy what Git tracks, as it is now, below a folder, and go there."""
-    place, command = Path(mkdtemp(dir=folder)), ["git", "ls-files", "-z"]
-    listed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True, text=True)
+def copy_project(place: Path) -> Path:
+    """Copy what Git tracks, as it is now, into a new folder."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True)
     for name in listed.stdout.split("\0"):
         if (ROOT / name).is_file():
             (place / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, place / name)
-    os.chdir(place)
+    return place
 
 
-def run_pytest(arguments: Sequence[str]) -> None:
-    """Run pytest on the copy and exit, in a process that has the libraries and nothing of the project."""
-    os.setsid()
-    for name in [name for name in sys.modules if name.split(".")[0] == "tests"]:
-        del sys.modules[name]
-    sys.path[0] = os.environ["PYTHONPATH"] = str(Path.cwd())
+def find_failures(folder: Path, arguments: Sequence[str], limit_s: float = LIMIT_S) -> dict[str, str]:
+    """Return what tests that fail in a copy say by their names; what else goes wrong has no name."""
     # Python tells its compiled files by the second in which a source was written: a bug may come sooner.
-    sys.dont_write_bytecode, os.environ["PYTHONDONTWRITEBYTECODE"] = True, "1"
-    with Path("output.txt").open("w", encoding="utf-8") as output:
-        os.dup2(output.fileno(), 1)
-        os.dup2(output.fileno(), 2)
-    sys.exit(pytest.main([*IGNORED, *QUIET, *arguments]))
-
-
-def find_failures(arguments: Sequence[str], limit_s: float = LIMIT_S) -> dict[str, str]:
-    """Return what tests that fail say by their names; what else goes wrong has no name."""
-    process = FORK.Process(target=run_pytest, args=(arguments,))
-    process.start()
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment |= {"COLUMNS": "300"}  # of a summary, which is cut to that
+    call = [*PYTEST, "-m", "not accuracy", *arguments]
     try:
-        process.join(limit_s)
-        if process.exitcode is None:
-            return {"": f"no end within {limit_s:g} s"}
-    finally:
-        if process.is_alive() and process.pid:
-            os.killpg(process.pid, signal.SIGKILL)
-    if process.exitcode not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
-        return {"": f"no test ran: {Path('output.txt').read_text(encoding='utf-8')[-300:]}"}
-    failures = {}
-    for case in ElementTree.parse("junit.xml").iter("testcase"):
-        for failure in (*case.findall("failure"), *case.findall("error")):
-            file = case.get("classname", "").replace(".", "/")
-            failures[f"{file}.py::{case.get('name')}"] = " ".join(failure.get("message", "").split())[:100]
-    return failures
+        done = subprocess.run(
+            call, cwd=folder, env=environment, capture_output=True, text=True, timeout=limit_s, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return {"": f"no end within {limit_s:g} s"}
+    if done.returncode not in (0, 1):
+        return {"": f"no test ran: {done.stdout[-300:]}"}
+    failed = re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - (.*))?$", done.stdout, re.MULTILINE)
+    return {name: said[:100] for name, said in failed}
 
 
-def plant(bug: Bug, tests: Sequence[str], limit_s: float) -> tuple[str, str]:
-    """Plant a bug in the copy, and return the name of the test that catches it, or "", and what it says."""
-    file = Path(bug.file)
+def plant(bug: Bug, tests: Sequence[str], folder: Path, limit_s: float) -> tuple[str, str]:
+    """Plant a bug in a copy, and return the name of the test that catches it, or "", and what it says."""
+    file = folder / bug.file
     content = file.read_bytes()
     try:
         file.write_bytes(bug.plant(content))
-        return next(iter(find_failures(["-x", *tests], limit_s).items()), ("", "all passed"))
+        return next(iter(find_failures(folder, ["-x", *tests], limit_s).items()), ("", "all passed"))
     except ValueError as reason:
         return "", str(reason)
     finally:
@@ -145,24 +112,26 @@ def plant(bug: Bug, tests: Sequence[str], limit_s: float) -> tuple[str, str]:
 
 def plant_all(bugs: Sequence[Bug], tests: Sequence[str], jobs: int, limit_s: float) -> list[str]:
     """Plant bugs in so many copies at once, and return in a line each what is wrong."""
-    wrong, catching = list[str](), set[str]()
-    for library in LIBRARIES:
-        import_module(library)
-    with (
-        TemporaryDirectory(prefix="planted-") as folder,
-        ProcessPoolExecutor(jobs, FORK, copy_project, (folder,)) as pool,
-    ):
-        calls = {pool.submit(plant, bug, tests or bug.tests, limit_s): bug for bug in bugs}
-        for number, call in enumerate(as_completed(calls), 1):
-            (caught_by, said), name = call.result(), calls[call].name
-            print(f"{number}/{len(bugs)} {name}: {caught_by or 'NOBODY'}: {said}", flush=True)
-            if caught_by:
-                catching.add(caught_by)
-            else:
-                wrong.append(f"{name}: caught by nobody ({said})")
-        files = [list(names) for _, names in groupby(sorted(catching), lambda test: test.partition("::")[0])]
-        for found in [pool.submit(find_failures, names) for names in files]:
-            wrong += [f"fails without a bug: {name or said}" for name, said in found.result().items()]
+    wrong, catching, folders = list[str](), set[str](), SimpleQueue[Path]()
+
+    def catch(bug: Bug) -> None:
+        folder = folders.get()
+        caught_by, said = plant(bug, tests or bug.tests, folder, limit_s)
+        folders.put(folder)
+        print(f"{bug.name}: {caught_by or 'NOBODY'}: {said}", flush=True)
+        if caught_by:
+            catching.add(caught_by)
+        else:
+            wrong.append(f"{bug.name}: caught by nobody ({said})")
+
+    with TemporaryDirectory(prefix="planted-") as place, ThreadPoolExecutor(jobs) as pool:
+        for number in range(jobs):
+            folders.put(copy_project(Path(place) / str(number)))
+        list(pool.map(catch, bugs))
+        folder = folders.get()
+        for _, names in groupby(sorted(catching), lambda test: test.partition("::")[0]):
+            failures = find_failures(folder, list(names))
+            wrong += [f"fails without a bug: {name or said}" for name, said in failures.items()]
     return wrong
 
 

@@ -1,6 +1,7 @@
 """The page: what is on it comes from the rows, numbered, with data, and it is there whole or not at all."""
 
 import html
+import json
 import math
 import re
 import shutil
@@ -13,6 +14,7 @@ import pytest
 from reports.contents import CHAPTERS
 from reports.look import axis_label, line_styles, quantity
 from reports.page import (
+    FINDINGS,
     HALF_WIDTH,
     MOST,
     UNCERTAIN,
@@ -20,8 +22,6 @@ from reports.page import (
     Claim,
     Contradiction,
     Table,
-    compare_claims,
-    read_claims,
     write_report,
 )
 from reports.results import NoResults, frame, read_study
@@ -35,7 +35,7 @@ from tests.helpers.row_files import write_rows
 pytestmark = pytest.mark.system
 
 #: Rows of a quick set, as they are published.
-ROWS = Path(__file__).parent / "rows"
+ROWS = Path(__file__).parents[2] / "reports/published/results"
 
 
 @pytest.fixture(scope="module")
@@ -94,14 +94,17 @@ def test_the_page_names_every_file_there_is_and_no_other(report: Path) -> None:
     assert all(len(alt) > 40 for alt in page.alts)
 
 
-def test_the_order_of_rows_does_not_change_a_byte(report: Path, tmp_path: Path) -> None:
-    shuffled = Path(shutil.copytree(ROWS, tmp_path / "rows"))
-    for file in shuffled.glob("*.csv.xz"):
-        rows = pd.read_csv(file, dtype=str, keep_default_na=False)
-        rows[::-1].to_csv(file, index=False, lineterminator="\n")
-    write_report(shuffled, tmp_path / "report", CHAPTERS)
-    for path in sorted(report.rglob("*.*")):
-        again = tmp_path / "report" / path.relative_to(report)
+def test_the_order_of_rows_does_not_change_a_byte(tmp_path: Path) -> None:
+    orders = {"published": slice(None), "reversed": slice(None, None, -1)}
+    for name, order in orders.items():
+        (tmp_path / name).mkdir()
+        shutil.copy(ROWS / "facts.json", tmp_path / name)
+        for file in (ROWS / "energy.csv.xz", ROWS / "stability.csv.xz"):
+            rows = pd.read_csv(file, dtype=str, keep_default_na=False)
+            rows[order].to_csv(tmp_path / name / file.name, index=False, lineterminator="\n")
+        write_report(tmp_path / name, tmp_path / f"{name}-page", CHAPTERS)
+    for path in sorted((tmp_path / "published-page").rglob("*.*")):
+        again = tmp_path / "reversed-page" / path.relative_to(tmp_path / "published-page")
         assert path.read_bytes() == again.read_bytes(), f"{path.name} differs from run to run"
 
 
@@ -150,7 +153,7 @@ def test_the_page_of_the_quick_set_is_short(report: Path) -> None:
         "words": len(html.unescape(text).split()),
         "figures": page.count('<figure id="figure-'),
         "tables": page.count('<figure id="table-'),
-        "claims": len(read_claims(report)),
+        "claims": len(json.loads((report / FINDINGS).read_text("utf-8"))["claims"]),
         "bytes": len(page.encode()),
     }
     assert all(0 < found[name] <= most for name, most in MOST_OF.items()), found
@@ -160,7 +163,7 @@ def test_the_page_of_the_quick_set_is_short(report: Path) -> None:
 
 
 def test_no_results_is_said_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(NoResults, match=r"^results: expected the results of a study, got none in "):
+    with pytest.raises(NoResults, match=r"^results: expected the results of \w+, got none in "):
         write_report(tmp_path / "nowhere", tmp_path / "out" / "report", CHAPTERS)
     assert list(tmp_path.iterdir()) == []
 
@@ -297,19 +300,14 @@ def test_a_frame_has_numbers_or_nan_and_settings_as_they_were_written() -> None:
     assert rows["method"].iloc[2] == "a word"
 
 
-def test_the_numbers_of_two_reports_stand_side_by_side() -> None:
-    before = [
-        {"id": "a", "numbers": {"x": (2e-3, "s"), "y": (4.0, "")}},
-        {"id": "b", "numbers": {"x": (1.0, "")}},
-    ]
-    after = [
-        {"id": "a", "numbers": {"x": (3e-3, "s"), "y": (4.0, "")}},
-        {"id": "c", "numbers": {"z": (0.5, "%")}},
-    ]
-    compared = compare_claims(before, after)
-    assert {claim: tuple(numbers) for claim, numbers in compared.T.to_dict("list").items()} == {
-        "a x": ("2 ms", "3 ms"),
-        "a y": ("4", "4"),
-        "b x": ("1", "–"),
-        "c z": ("–", "0.5 %"),
-    }
+def test_the_numbers_of_two_reports_stand_side_by_side(small: Path, tmp_path: Path) -> None:
+    before, after = tmp_path / "before", tmp_path / "after"
+    write_report(small, before, CHAPTERS)
+    text = (before / FINDINGS).read_text("utf-8")
+    (before / FINDINGS).write_text(text.replace('"id": "stability/accurate"', '"id": "stability/other"'))
+    done = crankslider("report", "--results", small, "--out", after, "--against", before)
+    lines = {tuple(line.split()[:2]): line.split()[2:] for line in done.stdout.splitlines()[1:]}
+    dash, called = lines["stability/accurate", "called"]
+    assert dash == "–"
+    assert lines["stability/other", "called"] == [called, "–"]
+    assert lines["stability/energy-growth", "runs"] == ["15", "15"]

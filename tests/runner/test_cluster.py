@@ -4,16 +4,13 @@ import os
 import socket
 import sys
 from collections.abc import Iterator
-from importlib import reload
 from pathlib import Path
 
 import pytest
 from distributed import Client, LocalCluster
 
 from engine_models.engines import ENGINES
-from studies import case as case_module
 from studies import cluster
-from studies.case import code_of
 from studies.cluster import Cluster
 from studies.workers import Pool
 from tests.helpers.command import crankslider
@@ -62,29 +59,6 @@ def test_crashes_and_hangs_are_rows_of_theirs_and_what_is_timed_stays_on_this_ma
     parents = {row["samples"]: row["parent"] for row in rows if row["arm"] == "work"}
     assert parents[1] in theirs
     assert parents[2] == os.getpid()
-
-
-def pretend() -> None:
-    """Make a worker say that its code is another."""
-    case_module.LIBRARIES = ()  # type: ignore[assignment]
-    case_module.versions.cache_clear()
-    code_of.cache_clear()
-
-
-def be_honest() -> None:
-    reload(case_module)
-
-
-def test_workers_with_other_code_are_refused(local: LocalCluster, client: Client, tmp_path: Path) -> None:
-    ours = code_of("reference")
-    client.run(pretend)
-    try:
-        done = crankslider("run", "--scheduler", local.scheduler_address, "--out", tmp_path / "out")
-    finally:
-        client.run(be_honest)
-    expected = f"scheduler: expected workers with our code and libraries ({ours}), got "
-    require_refusal(done.stdout, done.stderr, done.code, expected)
-    assert not list(tmp_path.iterdir())
 
 
 def test_what_is_no_scheduler_is_refused(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:

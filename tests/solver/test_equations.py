@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.assembly import assembled
 from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.loads import slider_forces
 from engine_models.scene.library import SCENES, ideal_free
-from engine_models.scene.loads import Loads, SliderLoad
-from engine_models.scene.scene import Clearances, Scene
+from engine_models.scene.scene import Scene
+from engine_models.scene.short import CrankLoad
+from engine_models.scene.start import assembled
 from reference_solver.contact.types import CONTACT
 from reference_solver.equations import Equations
 from reference_solver.tape import Node, Scalar, Tape, Value
@@ -147,7 +147,7 @@ def loaded() -> Scene:
         update={
             "crank": crank.model_copy(update={"centre_of_mass_m": 0.02}),
             "rod": rod.model_copy(update={"centre_of_mass_m": 0.05}),
-            "load": Loads(slider=SliderLoad(spring_N_m=300.0, free_position_m=0.12, viscous_N_s_m=2.0)),
+            "load": {"slider": CrankLoad(spring_N_m=300.0, free_position_m=0.12, viscous_N_s_m=2.0)},
         }
     )
 
@@ -158,7 +158,7 @@ def motion(scene: Scene, angle: float, speed: float) -> tuple[FloatArray, FloatA
     _, slope, bend = configuration(scene, theta)
     acceleration = slope * crank_acceleration(scene)(theta, np.array([speed])) + bend * speed**2
     power = -2.0 * (slope[0, 2, 0] * speed) ** 2
-    state = np.concatenate([part.ravel() for part in assembled(scene, angle, speed)])
+    state = np.concatenate([part.ravel() for part in assembled(scene.short, angle, speed)])
     return state, np.append(acceleration.ravel(), power)
 
 
@@ -187,8 +187,8 @@ def missing(scene: Scene, state: FloatArray, answers: FloatArray) -> FloatArray:
         (2, 2, 0.0, 1),
         (2, 1, rod.length_m - d, -1),
     ]
-    lack = np.array([[b.mass_kg, b.mass_kg, b.inertia_kg_m2] for b in scene.bodies]) * acceleration
-    lack[:, 1] += [body.mass_kg * scene.weight_m_s2 for body in scene.bodies]
+    lack = np.array([[b.mass_kg, b.mass_kg, b.inertia_kg_m2] for b in scene.mechanism.bodies]) * acceleration
+    lack[:, 1] += [body.mass_kg * -scene.gravity[1] for body in scene.mechanism.bodies]
     lack[2] -= [load, guide, moment]
     for joint, body, reach, sign in at:
         (x, y), angle = sign * forces[joint], position[body, 2]
@@ -235,19 +235,19 @@ POWERS = ("normal0", "loss0", "slide0")
 
 def touching() -> tuple[Scene, FloatArray]:
     """Return the pendulum with friction in its bearing, and its contact with a memory of 2 s/m."""
-    scene, rubbing = SCENES["clearance-pendulum"](), SCENES["clearance-driven-damped"]().clearance.B
-    assert scene.clearance.O is not None
+    scene, rubbing = SCENES["clearance-pendulum"](), SCENES["clearance-driven-damped"]().clearance["B"]
+    assert scene.clearance["O"] is not None
     assert rubbing is not None
-    bearing = scene.clearance.O.model_copy(update={"friction": rubbing.friction})
-    return scene.model_copy(update={"clearance": Clearances(O=bearing)}), np.array([[CONTACT, 2.0]])
+    bearing = scene.clearance["O"].model_copy(update={"friction": rubbing.friction})
+    return scene.model_copy(update={"clearance": {"O": bearing}}), np.array([[CONTACT, 2.0]])
 
 
 @cache
 def loose() -> Written:
     scene, phases = touching()
-    clearance = scene.clearance.O
+    clearance = scene.clearance["O"]
     assert clearance is not None
-    law, crank = law_numbers(clearance), scene.crank
+    law, crank = law_numbers(clearance), scene.short.crank
     states, expected = [], []
     for turn, depth, x_rate, y_rate, spin in (
         (-1.2, 2e-6, 0.004, -0.006, 0.3),
@@ -266,7 +266,7 @@ def loose() -> Written:
         force = -normal * n + friction * np.array([-n[1], n[0]])
         torque = arm * friction - s * (along[0] * force[1] - along[1] * force[0])
         rates = (normal, (normal - spring) * rate, -friction * sliding)
-        weight = np.array([0.0, -scene.weight_m_s2])
+        weight = np.array([0.0, scene.gravity[1]])
         states.append(state)
         expected.append(np.array([*(force / crank.mass_kg + weight), torque / crank.inertia_kg_m2, *rates]))
     return Written(*on_tape(scene, POWERS, phases), tuple(states), tuple(expected))

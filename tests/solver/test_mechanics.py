@@ -15,10 +15,9 @@ from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.mechanics.loads import slider_forces
 from engine_models.pymunk.native_contact import rigid_twin
 from engine_models.reference import two_methods
-from engine_models.scene.drives import RampDrive
+from engine_models.scene.format import Clearance, RampDrive
 from engine_models.scene.library import SCENES, ideal_driven
-from engine_models.scene.loads import Loads, SliderLoad
-from engine_models.scene.scene import Clearance
+from engine_models.scene.short import CrankLoad
 
 STEEL = Clearance(
     radial_clearance_m=5e-4,
@@ -63,7 +62,7 @@ def test_a_contact_stores_what_its_force_integrates_to() -> None:
 
 
 def test_a_spring_pulls_from_its_free_position() -> None:
-    load = Loads(slider=SliderLoad(spring_N_m=2000.0, free_position_m=0.12))
+    load = {"slider": CrankLoad(spring_N_m=2000.0, free_position_m=0.12)}
     position = np.zeros((1, 3, 3))
     position[0, 2, 0] = 0.15
     scene = ideal_driven().model_copy(update={"load": load})
@@ -124,14 +123,14 @@ def test_exudyns_sums_are_exact_of_powers_up_to_the_fifth() -> None:
 
 
 def test_rigid_walls_in_a_laws_place_have_its_restitution() -> None:
-    twin = rigid_twin(BOUNCING()).clearance.B
+    twin = rigid_twin(BOUNCING()).clearance["B"]
     assert twin is not None
     assert (twin.law, twin.restitution) == ("rigid", 0.9)
-    hertz = BOUNCING().clearance.B
+    hertz = BOUNCING().clearance["B"]
     assert hertz is not None
     loose = hertz.model_copy(update={"law": "hertz", "restitution": None})
-    scene = BOUNCING().model_copy(update={"clearance": BOUNCING().clearance.model_copy(update={"B": loose})})
-    elastic = rigid_twin(scene).clearance.B
+    scene = BOUNCING().replace("clearance.B", loose)
+    elastic = rigid_twin(scene).clearance["B"]
     assert elastic is not None
     assert elastic.restitution == 1.0, "what is lossless stays so"
 
@@ -144,7 +143,7 @@ def test_the_standard_case_is_the_literatures() -> None:
     numbers = [(p.length_m, p.mass_kg, p.inertia_kg_m2, p.centre_of_mass_m) for p in parts]
     assert numbers == [(0.05, 0.30, 1e-4, 0.025), (0.12, 0.21, 2.5e-4, 0.06)]
     assert slider.mass_kg == 0.14
-    assert scene.start.crank_speed_rad_s == pytest.approx(523.599, rel=1e-6)
-    assert scene.clearance.B is not None
-    assert scene.clearance.B.radial_clearance_m == 5e-4
-    assert scene.clearance.B.restitution == 0.9
+    assert scene.short.start.crank_speed_rad_s == pytest.approx(523.599, rel=1e-6)
+    assert scene.clearance["B"] is not None
+    assert scene.clearance["B"].radial_clearance_m == 5e-4
+    assert scene.clearance["B"].restitution == 0.9

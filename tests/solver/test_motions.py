@@ -11,10 +11,10 @@ from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajecto
 from engine_models.engines import make_engine
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.drives import Drive, FluctuatingDrive, FreeDrive, RampDrive, TableDrive
+from engine_models.scene.format import CrankGas, Drive, FluctuatingDrive, FreeDrive, RampDrive, TableDrive
 from engine_models.scene.library import ideal_compressor, ideal_driven
-from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Scene
+from engine_models.scene.short import CrankLoad
 from reference_solver.kernel import Topology, program_of
 from reference_solver.mechanism.building import pieces_of
 from reference_solver.mechanism.motions import MOTIONS, Course, Fluctuation, Ramp, Steady
@@ -24,35 +24,35 @@ from tests.helpers.orders import slope
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES, END_S = 40, 0.016
-SPEED = ideal_driven().start.crank_speed_rad_s
-GAS = ideal_compressor().load.slider.gas  # type: ignore[union-attr]
+SPEED = ideal_driven().short.start.crank_speed_rad_s
+GAS = ideal_compressor().short.load.slider.gas  # type: ignore[union-attr]
 #: Straight lines with kinks as large as the forces of a free crank.
-LINES = Gas(
+LINES = CrankGas(
     crank_angle_rad=(0.4, 1.5, 3.0, 4.2, 0.4 + 2 * np.pi),
     force_N=(0.0, -800.0, 200.0, -300.0, 0.0),
     interpolation="linear",
 )
 #: A force that comes at once, and goes: within a microradian, which a crank passes in 10 ns.
-JUMPS = Gas(
+JUMPS = CrankGas(
     crank_angle_rad=(-1.0, 0.3, 0.3 + 1e-6, 1.1, 1.1 + 1e-6, 2 * np.pi - 1.0),
     force_N=(0.0, 0.0, -60.0, -60.0, 0.0, 0.0),
     interpolation="linear",
 )
 
 
-def scene(speed: float, load: SliderLoad | None = None, **changes: object) -> Scene:
+def scene(speed: float, load: CrankLoad | None = None, **changes: object) -> Scene:
     """Return set R without clearance, begun at a speed, with another drive and a load."""
-    start = ideal_driven().start.model_copy(update={"crank_speed_rad_s": speed})
-    new = {"start": start, "load": Loads(slider=load), "end_time_s": END_S, **changes}
-    return Scene.model_validate(ideal_driven().model_copy(update=new).model_dump())
+    start = ideal_driven().short.start.model_copy(update={"crank_speed_rad_s": speed})
+    new = {"start": start, "load": {"slider": load}, "end_time_s": END_S, **changes}
+    return ideal_driven().model_copy(update=new)
 
 
 BACKWARDS = scene(-100.0, drive=FreeDrive(kind="free"))
 CASES = {
-    name: BACKWARDS.model_copy(update={"load": Loads(slider=SliderLoad(gas=gas))})
+    name: BACKWARDS.model_copy(update={"load": {"slider": CrankLoad(gas=gas)}})
     for name, gas in {"gas": GAS, "straight lines": LINES}.items()
 }
-CASES["lines that jump"] = scene(100.0, SliderLoad(gas=JUMPS), drive=FreeDrive(kind="free"))
+CASES["lines that jump"] = scene(100.0, CrankLoad(gas=JUMPS), drive=FreeDrive(kind="free"))
 #: Steps of the ladders in s: the finest are still above round-off, the longest in the order's range. They
 #: end on the knots of a gas table, too: the coarser ones are shorter than they may be more often. Of straight
 #: lines alone the order is 2 with steps that pass their kinks, with stages that do it scatters by 0.5.
@@ -97,7 +97,7 @@ def test_a_table_of_a_straight_line_is_a_constant_speed(settings: dict[str, str]
 
 
 def test_error_control_takes_a_slow_crank_under_gas_in_few_steps() -> None:
-    of = scene(0.01, SliderLoad(gas=GAS), end_time_s=400 * np.pi)  # two turns of a hand crank
+    of = scene(0.01, CrankLoad(gas=GAS), end_time_s=400 * np.pi)  # two turns of a hand crank
     steps = [
         run(of, of.end_time_s, method="dop853", step_tolerance=tolerance).steps for tolerance in (1e-7, 1e-9)
     ]

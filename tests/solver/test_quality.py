@@ -41,7 +41,7 @@ def gap(part: float) -> Planted:
     scene = SCENES["ideal-driven"]()
     truth = exact(scene, SAMPLES)
     position = truth.position.copy()
-    position[WRONG_FROM:, :, 0] += part * scene.crank.length_m
+    position[WRONG_FROM:, :, 0] += part * scene.short.crank.length_m
     return scene, replace(truth, position=position)
 
 
@@ -49,7 +49,7 @@ def guide(part: float) -> Planted:
     """Return a motion without ideal joints whose slider leaves its guide, by a part of the crank."""
     scene, run = loose_run("clearance-free-OAB")
     position = run.position.copy()
-    position[WRONG_FROM:, -1, 1] -= part * scene.crank.length_m
+    position[WRONG_FROM:, -1, 1] -= part * scene.short.crank.length_m
     return scene, replace(run, position=position)
 
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.equations import mechanism_of
 from engine_models.scene.library import RIGID_SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.failures import InconsistentStart
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism
@@ -209,7 +209,7 @@ def test_a_pin_outside_its_bearing_is_refused() -> None:
 # Crank-sliders
 
 
-def turned(of: AnyScene, end_s: float, steps: int, samples: int = 100) -> Solution:
+def turned(of: Scene, end_s: float, steps: int, samples: int = 100) -> Solution:
     """Return a scene's run in so many steps."""
     q, v = (part.ravel() for part in start_state(of))
     return solve(mechanism_of(of), q, v, end_time_s=end_s, samples=samples, step=end_s / steps)

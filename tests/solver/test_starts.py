@@ -7,8 +7,9 @@ from engine_models.engine import ImpossibleStart, RunSettings
 from engine_models.engines import make_engine
 from engine_models.mechanics.assembly import assembled_apart
 from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.format import BodyState
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import BodyState, Scene
+from engine_models.scene.scene import Scene
 from tests.helpers.engines import supporting
 
 CLEARANCE_M, SPEED_RAD_S = 1e-4, 371.43
@@ -71,7 +72,7 @@ TURNS, TOLERANCE_RAD = 100_000, 2e-10
 )
 def test_whole_turns_of_the_crank_change_only_its_angle(engine: str, name: str) -> None:
     of = SCENES[name]().replace("end_time_s", 2e-3)
-    turned = of.start.crank_angle_rad + TURNS * 2 * np.pi
+    turned = of.short.start.crank_angle_rad + TURNS * 2 * np.pi
     plain, wound = (
         make_engine(engine).simulate(each, RunSettings(1e-5, 10))
         for each in (of, of.replace("start.crank_angle_rad", turned))

@@ -10,7 +10,7 @@ from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.states import lever_m
 from engine_models.mechanics.wrenches import accelerations, wrenches
 from engine_models.scene.file import from_toml
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from reference_solver.contact.types import CONTACT, FLIGHT
 from reference_solver.equations import Equations
 from reference_solver.mechanism.mechanism import Mechanism
@@ -37,7 +37,7 @@ def phases_of(of: Mechanism, run: Trajectory, sample: int) -> FloatArray:
 
 
 @cache
-def ran(name: str) -> tuple[AnyScene, Trajectory, FloatArray]:
+def ran(name: str) -> tuple[Scene, Trajectory, FloatArray]:
     """Return a scene, its run, and the accelerations (n, bodies, 3) that equations have in its states."""
     of = scene(name)
     if name == "everything":

@@ -7,7 +7,7 @@ from engine_models.arms import Arm
 from engine_models.engine import RunSettings
 from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.scene.library import CLEARANCE_SCENES
-from engine_models.scene.scene import Clearances, Scene
+from engine_models.scene.scene import Scene
 from studies import accuracy, cost, settings
 from studies.case import Case, run_case
 from studies.judges.converged_truth import REFERENCE, truth_by
@@ -27,11 +27,11 @@ def case(scene: Scene, engine: str, step_s: float, **given: float | str | bool) 
 
 def test_what_has_no_independent_solution_is_told_to_be_the_references(scene: Scene) -> None:
     """Its pin stands in the rigid wall as the run begins."""
-    assert scene.clearance.B is not None
+    assert scene.clearance["B"] is not None
     unset = {"law": "rigid", "young_modulus_Pa": None, "poisson_ratio": None}
-    walled = Clearances(B=scene.clearance.B.model_copy(update=unset))
+    walled = {"B": scene.clearance["B"].model_copy(update=unset)}
     position, velocity = start_state(scene)
-    position[2, 0] += scene.clearance.B.radial_clearance_m * (1 + 1e-15)
+    position[2, 0] += scene.clearance["B"].radial_clearance_m * (1 + 1e-15)
     begun = started_from(scene.model_copy(update={"clearance": walled}), position, velocity)
     assert truth_by(begun, SAMPLES) == REFERENCE
 

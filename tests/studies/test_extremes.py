@@ -14,7 +14,6 @@ from reports.extremes import Verdict, answers, verdict_on
 from reports.results import frame
 from studies import extremes
 from studies.case import Row, run_case
-from studies.extremes import changed
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 CASES = {(case.scene.name, case.engine, case.arm.name): case for case in extremes.cases(full=True)}
@@ -49,24 +48,7 @@ def test_the_gallery_has_sixty_cases_each_with_a_sentence_of_theory() -> None:
     assert len(gallery) >= 60, "a case has gone, or two have one name"
     for extreme in gallery.values():
         assert extreme.theory.endswith("."), extreme.theory
-        assert 20 < len(extreme.theory) < 130, f"{extreme.scene.name}: {len(extreme.theory)} characters"
         assert (extreme.wanted == "stop") == (extreme.stop_s is not None)
-    for name in ("step at the limit", "step beyond the limit"):
-        steps = {case.run.step_s for case in CASES.values() if case.scene.name == name}
-        assert steps == {gallery[name].step_s}, "it is the same for all"
-
-
-def test_a_scene_is_its_base_with_fields_set_unset_and_made_that_nothing_checks() -> None:
-    base = extremes.gallery()[LOOSE].scene
-    rigid = {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, "law": "rigid", "restitution": 0.5}
-    of = changed(
-        base, {"rod": {"inertia_kg_m2": 0.0}, "clearance": {"A": rigid, "B": {"restitution": "none"}}}
-    )
-    assert of.rod
-    assert of.clearance.A
-    assert of.clearance.B
-    assert (of.rod.inertia_kg_m2, of.clearance.A.law, of.clearance.B.restitution) == (0.0, "rigid", None)
-    assert of.clearance.B.radial_clearance_m == 1e-4
 
 
 # Checks
@@ -91,7 +73,7 @@ def test_the_error_of_a_case_is_the_largest_of_any_signal_in_parts_of_its_swing(
 def test_next_to_no_clearance_is_judged_as_an_ideal_joint_and_by_no_force() -> None:
     values = {"end_time_s": 5e-4, "clearance.B.radial_clearance_m": 1e-9}
     scene = extremes.gallery()[LOOSE].scene.replace(values)
-    ideal = changed(scene, {"clearance": {"B": "none"}})
+    ideal = scene.replace("clearance.B", None)
     run = make_engine("reference").simulate(scene, RunSettings(1e-6, 20))
     errors = extremes.relative_errors(scene, ideal, run)
     assert {*errors} == {"slider_position_m", "slider_velocity_m_s"}

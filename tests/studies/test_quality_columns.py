@@ -3,7 +3,6 @@
 import pytest
 
 from engine_models import arms
-from engine_models.scene.scene import Scene
 from studies.case import Case, load_study, run_case
 from studies.registry import STUDIES
 
@@ -25,7 +24,7 @@ def test_a_row_of_any_study_has_the_columns_of_the_check(study: str) -> None:
     scene, row = next((scene, row) for scene, row in ran if row["status"] == "ok")
     assert [isinstance(row.get(column), float) for column in COLUMNS] == [
         True,
-        isinstance(scene, Scene) and scene.is_crank_slider,
+        scene.is_crank_slider,
         bool(scene.joints_with_clearance),
     ]
     assert isinstance(row["quality_failure"], str)

@@ -28,9 +28,9 @@ def the_case(engine: str, arm: str, step_s: float, factor: float = 1.0) -> Case:
 
 def test_a_hertz_bounce_has_the_limit_of_0_702_and_0_496_of_its_duration() -> None:
     # Stiff: far above any gravity or inertia force while in contact: the closed form of the free bounce.
-    scene = the_case("reference", "located", 1e-5, 1000.0).plain_scene
+    scene = the_case("reference", "located", 1e-5, 1000.0).scene
     energy, frequency = first_impact(scene)
-    clearance, slider = scene.clearance.B, scene.crank_slider()[2]
+    clearance, slider = scene.clearance["B"], scene.crank_slider()[2]
     assert clearance is not None
     speed = sqrt(2 * energy / slider.mass_kg)
     depth = (5 * slider.mass_kg * speed**2 / (4 * stiffness_of(clearance))) ** 0.4

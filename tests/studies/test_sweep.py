@@ -16,7 +16,7 @@ from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.closing import closed
 from engine_models.scene.file import from_toml
 from engine_models.scene.library import SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.store import Store
 from studies.sweep import draw_values
 from tests.engines.mechanism_texts import FOUR_BAR_CLEARANCE
@@ -32,7 +32,7 @@ ANGLE = "start.crank_angle_rad"
 SCENE: Any = cs.scenes[NAME]
 #: One that does not start at an angle of zero.
 TURNED = SCENE.replace(ANGLE, 0.4)
-PERIOD_S = 2 * math.pi / SCENE.start.crank_speed_rad_s
+PERIOD_S = 2 * math.pi / SCENE.short.start.crank_speed_rad_s
 #: A logarithm and its inverse are each right to some units in the last place.
 ROUND_OFF = 1e-14
 pytestmark = pytest.mark.filterwarnings("ignore:.*in doubt")
@@ -70,7 +70,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("crankslider.library._workers", lambda *_: Here())
 
 
-def simulated(scene: AnyScene, revolutions: float, **how: Any) -> cs.Run:
+def simulated(scene: Scene, revolutions: float, **how: Any) -> cs.Run:
     end = revolutions * PERIOD_S
     return cs.simulate(scene, end=end, samples=round(200 * revolutions), **how)
 
@@ -106,7 +106,7 @@ def test_a_member_has_the_numbers_and_the_warnings_of_its_own_simulation(swept: 
         assert row["penetration_part"] == run.quality.parts()["penetration_part"]
         lasting = [late.index[late["contact_B_penetration_m"] < 0][-1]] * touching  # the sample before it
         touch_s = np.append(ended["time_s"], lasting)
-        phase = TURNED.start.crank_angle_rad + SCENE.start.crank_speed_rad_s * touch_s
+        phase = TURNED.short.start.crank_angle_rad + SCENE.short.start.crank_speed_rad_s * touch_s
         a_sample = 2 * math.pi / 200 / len(phase) if touching else 1e-9
         assert row["impact_phase_cosine"] == pytest.approx(np.cos(phase).mean(), abs=a_sample)
 

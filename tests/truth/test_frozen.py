@@ -23,9 +23,8 @@ from engine_models.mechanics.energy import kinetic_energy_J, potential_energy_J
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
 from engine_models.reference.engine import SHARPEST, ReferenceEngine
-from engine_models.scene.library import SCENES
-from engine_models.scene.library.mechanisms import ALL_SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.library import ALL_SCENES, SCENES
+from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import GRID, PLACES, converged, truth_by
 from studies.judges.horizon import a_place_off
 from studies.judges.metrics import COVERAGE
@@ -49,13 +48,13 @@ scenes = pytest.mark.parametrize(
 )
 
 
-def scene_of(name: str) -> AnyScene:
+def scene_of(name: str) -> Scene:
     """Return a scene of the library with the end that the studies have."""
     scene = ALL_SCENES[name]()
     return scene.replace("end_time_s", END_S.get(name, scene.end_time_s))
 
 
-def told(scene: AnyScene, run: Trajectory, count: int) -> dict[str, FloatArray]:
+def told(scene: Scene, run: Trajectory, count: int) -> dict[str, FloatArray]:
     """Return what is frozen of a run: its numbers at the first samples, energies, impacts that ended then."""
     cut, end_s = selected(run, slice(count)), run.time_s[count - 1]
     frozen = numbers(cut)

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
 from engine_models.minimal.equations import friction_share
 from engine_models.minimal.model import damping_of, wall_of
-from engine_models.scene.mechanism import clearance_data
-from engine_models.scene.scene import Clearance, Friction
+from engine_models.scene.format import Clearance, Friction
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
 
 #: a(e) of each law at e = 0.5 and 0.9: Hunt and Crossley 1975, Lankarani and Nikravesh 1990, Gonthier et al.
@@ -71,7 +70,7 @@ def test_friction_opposes_sliding_in_both_codes_and_is_no_more_than_coulombs(
     of = {"law": kind, "coefficient": coefficient, "regularisation_speed_m_s": 0.01, **dead}
     room = clearance("hertz", stiffness=1e8).model_copy(update={"friction": Friction.model_validate(of)})
     force = friction_force(law_numbers(room), normal, sliding)
-    row = np.array([*[0.0] * 6, *wall_of(clearance_data(room), damping_of)])
+    row = np.array([*[0.0] * 6, *wall_of(room.data(), damping_of)])
     most = coefficient * max(normal, 0.0)
     true = -most * friction_share(row, sliding)
     assert force == pytest.approx(true, rel=1e-12, abs=1e-13 * most)

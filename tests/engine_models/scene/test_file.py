@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from engine_models.scene.file import SceneError, load
-from engine_models.scene.library import SCENES, ideal_free
-from engine_models.scene.library.mechanisms import MECHANISMS
+from engine_models.scene.library import MECHANISMS, SCENES, ideal_free
 from engine_models.scene.text_files import LARGEST_BYTES
 from tests.helpers.command import crankslider
 

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from engine_models.scene.drives import TorqueDrive
 from engine_models.scene.file import from_toml
+from engine_models.scene.format import TorqueDrive
 from engine_models.scene.library import SCENES
 from tests.helpers.random_scenes import random_scene
 
@@ -33,7 +33,7 @@ def test_every_valid_scene_survives_a_file_that_names_no_other_joint(
 
 def test_integers_stand_for_numbers() -> None:
     text = SCENES["ideal-torque"]().to_toml().replace("torque_N_m = 0.3", "torque_N_m = 3")
-    assert from_toml(text).drive == TorqueDrive(kind="torque", torque_N_m=3.0)
+    assert from_toml(text).short.drive == TorqueDrive(kind="torque", torque_N_m=3.0)
 
 
 def test_a_scene_cannot_be_changed() -> None:
@@ -51,7 +51,7 @@ def test_the_compressors_gas_is_that_of_a_polytrope_between_suction_and_discharg
 
     At 20 degrees 12.24 mm: 6 bar (8/12.24)^1.3 = 3.452 bar; at 270, 68.91 mm: (108/68.91)^1.3 = 1.793 bar.
     """
-    load = SCENES["ideal-compressor"]().load.slider
+    load = SCENES["ideal-compressor"]().short.load.slider
     assert load is not None
     assert load.gas is not None
     force = load.gas.force_N

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import crankslider as cs
+from engine_models.scene.format import Clearance
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Clearance
 from engine_models.scene.units import in_own_units, unit_of
 from tests.helpers.command import crankslider
 
@@ -95,7 +95,7 @@ def test_files_options_and_the_library_take_units(tmp_path: Path) -> None:
     file.write_text(FREE.to_toml().replace("length_m = 0.05", 'length_m = "50 mm"'))
     assert cs.load(file) == FREE
     assert FREE.replace("crank.length_m", "60 mm") == FREE.replace("crank.length_m", 0.06)
-    assert FREE.crank.model_copy(update={"mass_kg": "1 lb"}).mass_kg == 0.45359237
+    assert FREE.short.crank.model_copy(update={"mass_kg": "1 lb"}).mass_kg == 0.45359237
     short = ("--end", 0.001, "--samples", 1, "--quiet")
     by_text = crankslider("simulate", file, "--with", "start.crank_speed_rad_s=1500 rpm", *short)
     by_number = crankslider("simulate", file, "--with", f"start.crank_speed_rad_s={50 * math.pi!r}", *short)
@@ -108,4 +108,4 @@ def test_a_table_may_have_units() -> None:
     drive = {"kind": "table", "interpolation": "linear", **table}
     changes = {"drive": drive, "start.crank_speed_rad_s": 100 * math.pi, "end_time_s": 0.02}
     expected = drive | {"time_s": (0, 0.005, 0.01, 0.02), "angle_rad": (0, math.pi / 2, math.pi, 2 * math.pi)}
-    assert FREE.replace(changes).drive.model_dump(exclude_none=True) == expected
+    assert FREE.replace(changes).short.drive.model_dump(exclude_none=True) == expected

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from reports.contents import CHAPTERS
 from reports.page import write_report
 
-ROWS = Path(__file__).parents[1] / "rows"
+ROWS = Path(__file__).parents[3] / "reports/published/results"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 

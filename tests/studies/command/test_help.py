@@ -8,7 +8,7 @@ import pytest
 from crankslider.command import app
 from engine_models.engine import UnsupportedScene
 from engine_models.engines import ENGINES, engine_class, make_engine
-from engine_models.scene.library.mechanisms import ALL_SCENES
+from engine_models.scene.library import ALL_SCENES
 from engine_models.scene.plain_words import fields
 from tests.helpers.command import crankslider
 
@@ -20,7 +20,7 @@ def test_scenes_lists_every_scene_with_its_description() -> None:
     assert [line.split()[0] for line in lines] == ["scene", *ALL_SCENES]
     for make, line in zip(ALL_SCENES.values(), lines[1:], strict=True):
         scene = make()
-        for said in (scene.driven_by.kind, f"{scene.end_time_s:g} s", (make.__doc__ or "").splitlines()[0]):
+        for said in (scene.drive.kind, f"{scene.end_time_s:g} s", (make.__doc__ or "").splitlines()[0]):
             assert said in line
 
 

@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,8 +14,8 @@ from engine_models.scene.file import from_toml
 from tests.helpers.command import crankslider, table_of
 from tests.input.scenes import base, changed
 
-PRESS = cast(cs.Scene, from_toml(base("press")))
-R, L = PRESS.crank.length_m, 0.356
+PRESS = from_toml(base("press"))
+R, L = PRESS.short.crank.length_m, 0.356
 #: The ram of the press is pushed back by 1000 N between 150 and 210 degrees.
 DEGREES = np.arange(0, 361, 10)
 ANGLE, FORCE = np.radians(DEGREES), np.where((DEGREES >= 150) & (DEGREES <= 210), -1000.0, 0.0)

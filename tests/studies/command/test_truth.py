@@ -9,8 +9,7 @@ import pytest
 
 import crankslider as cs
 from crankslider.reference_solutions import write_reference_solutions
-from engine_models.scene.library import SCENES
-from engine_models.scene.library.mechanisms import MECHANISMS
+from engine_models.scene.library import MECHANISMS, SCENES
 from studies.judges.converged_truth import POINTWISE_M
 from studies.judges.metrics import COVERAGE
 from tests.helpers.command import crankslider, table_of

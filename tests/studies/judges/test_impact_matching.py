@@ -39,14 +39,6 @@ def test_impacts_are_matched_within_a_quarter_of_the_shorter_flight_beside_them(
     assert len(pairs.run) == len(matched)
 
 
-def test_errors_are_those_of_the_matched_pairs() -> None:
-    row = impact_errors(impacts(TRUE + 1e-3, 1.02), impacts(TRUE), 4.0)
-    assert row["impact_time_error_s"] == pytest.approx(1e-3)
-    assert row["impact_impulse_relative_error"] == pytest.approx(0.02)
-    assert row["impact_speed_relative_error"] == 0
-    assert row["impacts_matched"] == 4
-
-
 @pytest.mark.parametrize("column", ["speed", "impulse", "loss", "force", "penetration", "duration"])
 def test_an_error_is_the_largest_part_of_the_same_impact(column: str) -> None:
     """Off by 0.4 of 2, and by 0.5 of the largest, 4; the largest time error is another impact's."""

@@ -162,7 +162,7 @@ def test_a_slider_off_its_guide_with_all_joints_closed_is_a_violation_too() -> N
     _, rod, _ = scene.crank_slider()
     position, length = truth.position.copy(), rod.length_m
     theta = position[2, 0, 2]
-    pin = scene.crank.length_m * np.array([np.cos(theta), np.sin(theta)])
+    pin = scene.short.crank.length_m * np.array([np.cos(theta), np.sin(theta)])
     phi = np.arcsin((SHIFT - pin[1]) / length)
     along = np.array([np.cos(phi), np.sin(phi)])
     position[2, 1] = [*(pin + rod.centre_of_mass_m * along), phi]

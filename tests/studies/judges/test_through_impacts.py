@@ -7,7 +7,7 @@ import pytest
 
 from engine_models.engine import Engine, RunSettings, Trajectory
 from engine_models.scene.library import SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.accuracy import impacts_of
 from studies.case import Row
 from studies.judges.comparison import compared, judged
@@ -36,7 +36,7 @@ def stronger(run: Trajectory) -> Trajectory:
 class Deaf(Altered):
     """It leaves out the times that it is asked for beside its samples."""
 
-    def simulate(self, scene: AnyScene, settings: RunSettings) -> Trajectory:
+    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
         return super().simulate(scene, replace(settings, at_s=()))
 
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
-from engine_models.scene.drives import Drive, FluctuatingDrive, MotorDrive, RampDrive, TableDrive
+from engine_models.scene.format import CrankGas, Drive, FluctuatingDrive, MotorDrive, RampDrive, TableDrive
 from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven, ideal_free, ideal_torque
-from engine_models.scene.loads import Gas, Loads, SliderLoad
 from engine_models.scene.scene import Scene
+from engine_models.scene.short import CrankLoad
 from studies.extremes import gallery
 from studies.judges.converged_truth import INDEPENDENT, converged, followed, truth_by
 from studies.judges.metrics import (
@@ -49,12 +49,12 @@ def table(end_time_s: float) -> TableDrive:
     return TableDrive(kind="table", time_s=tuple(time.tolist()), angle_rad=tuple(angle.tolist()))
 
 
-def gas(peak_N: float, points: int = 17) -> Gas:
+def gas(peak_N: float, points: int = 17) -> CrankGas:
     """Return a push on the slider once a revolution, from an angle off zero on."""
     angle = np.linspace(0.0, 2 * np.pi, points) - 0.3
     force = -peak_N * np.exp(-(((angle + 0.3) - 1.2) ** 2))
     force[-1] = force[0]
-    return Gas(crank_angle_rad=tuple(angle.tolist()), force_N=tuple(force.tolist()))
+    return CrankGas(crank_angle_rad=tuple(angle.tolist()), force_N=tuple(force.tolist()))
 
 
 RAMP = RampDrive(kind="ramp", final_speed_rad_s=700.0, ramp_time_s=0.015)
@@ -86,12 +86,12 @@ def loaded(name: str, load: str) -> Scene:
     )
     parts = {
         "none": None,
-        "all": SliderLoad(
+        "all": CrankLoad(
             force_N=push, viscous_N_s_m=damping, spring_N_m=stiffness, free_position_m=0.1, gas=gas(peak)
         ),
-        "lines": SliderLoad(gas=gas(peak).model_copy(update={"interpolation": "linear"})),
+        "lines": CrankLoad(gas=gas(peak).model_copy(update={"interpolation": "linear"})),
     }
-    return scene.model_copy(update={"load": Loads(slider=parts[load])})
+    return scene.model_copy(update={"load": {"slider": parts[load]}})
 
 
 def assert_same(scene: Scene, mine: Trajectory, true: Trajectory, part: float) -> None:
@@ -140,7 +140,7 @@ def test_the_driven_slider_meets_the_closed_forms_at_both_dead_centres() -> None
 
 def test_the_drivers_torque_peaks_and_averages_as_published() -> None:
     scene = ideal_driven()
-    on_axis = scene.crank.model_copy(update={"centre_of_mass_m": 0.0})
+    on_axis = scene.short.crank.model_copy(update={"centre_of_mass_m": 0.0})
     torque = truth_of(scene.model_copy(update={"crank": on_axis}), 4800).driver_torque_N_m
     assert torque is not None
     assert torque.max() == pytest.approx(138.56, abs=0.005)
@@ -176,14 +176,14 @@ def test_a_rod_as_long_as_the_crank_goes_through_its_fold_free_and_has_no_truth_
 WHEELS = [
     name
     for name, case in gallery().items()
-    if (joint := case.scene.clearance.O)
+    if (joint := case.scene.clearance["O"])
     and not (case.scene.is_crank_slider or joint.friction or name == "start on the wall")
 ]
 
 
 def bouncing(scene: Scene, time_s: FloatArray) -> FloatArray:
     """Return the height (n,) in m of a wheel let go in the middle of its rigid bearing, by Newton's law."""
-    wall, g = scene.clearances["O"], scene.weight_m_s2
+    wall, g = scene.clearances["O"], -scene.gravity[1]
     c, touch = wall.radial_clearance_m, math.sqrt(2 * wall.radial_clearance_m / g)
     height, speed = np.where(time_s < touch, -g * time_s**2 / 2, -c), g * touch
     for _ in range(80):
@@ -211,8 +211,8 @@ def test_a_wheel_on_a_dry_bearing_is_braked_evenly() -> None:
     """Friction mu N at the pin's surface, of N = m g cos(atan mu), less half of the depth: 6e-4 of it."""
     scene = gallery()["friction 1"].scene
     truth = truth_of(scene)
-    room, weight = scene.clearances["O"], scene.crank.mass_kg * scene.weight_m_s2
+    room, weight = scene.clearances["O"], scene.short.crank.mass_kg * -scene.gravity[1]
     pin = room.bearing_radius_m - room.radial_clearance_m - truth.contacts["O"].penetration_m.mean() / 2
-    braking = weight * np.cos(np.pi / 4) * pin / scene.crank.inertia_kg_m2
-    spin = scene.start.crank_speed_rad_s - braking * truth.time_s
+    braking = weight * np.cos(np.pi / 4) * pin / scene.short.crank.inertia_kg_m2
+    spin = scene.short.start.crank_speed_rad_s - braking * truth.time_s
     assert np.abs(truth.velocity[:, 0, 2] - spin).max() < 1e-5 * spin[0]

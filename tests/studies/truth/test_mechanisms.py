@@ -8,7 +8,7 @@ import pytest
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.extremes import gallery
 from studies.judges.columns import sample_columns
 from studies.judges.converged_truth import TRUE
@@ -31,7 +31,7 @@ ENDS_WITHIN = {
 }
 
 
-def solved(of: AnyScene, samples: int = 40) -> Trajectory:
+def solved(of: Scene, samples: int = 40) -> Trajectory:
     return TRUE.simulate(of, RunSettings(of.end_time_s, samples))
 
 

@@ -9,9 +9,9 @@ from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.mechanics.assembly import started_from
 from engine_models.minimal import model
 from engine_models.minimal.model import LimitPosition
-from engine_models.scene.data import SceneError
+from engine_models.scene.format import SceneError
 from engine_models.scene.library import SCENES
-from engine_models.scene.parts import AnyScene
+from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import REFERENCE, TRUE, converged, truth_by
 from tests.engines.mechanism_texts import FOUR_BAR, four_bars, scene
 
@@ -66,7 +66,7 @@ def test_a_drive_that_comes_to_a_limit_position_is_told_with_the_time() -> None:
     assert float(stated[1]) == pytest.approx(limit_s, abs=2e-6), "of so many angles"
 
 
-def told(off_m: float) -> AnyScene:
+def told(off_m: float) -> Scene:
     """Return a four-bar that begins with told states, its rocker a little aside."""
     of = scene(FOUR_BAR)
     run = TRUE.simulate(of, RunSettings(of.end_time_s, 1))

@@ -83,7 +83,7 @@ def _coordinates(scene: Scene, theta: Any, of: Any) -> tuple[Rows, Rows, Rows]:
 
 def masses(scene: Scene) -> FloatArray:
     """Return the diagonal of the mass matrix by body and coordinate, (3, 3)."""
-    return np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in scene.bodies])
+    return np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in scene.mechanism.bodies])
 
 
 def crank_acceleration(scene: Scene, of: Any = np) -> Callable[[Any, Any], Any]:
@@ -91,7 +91,7 @@ def crank_acceleration(scene: Scene, of: Any = np) -> Callable[[Any, Any], Any]:
 
     Of arrays (n,), or with ``math`` for ``of`` of numbers, ten times as fast.
     """
-    m, g = masses(scene).ravel().tolist(), scene.weight_m_s2
+    m, g = masses(scene).ravel().tolist(), -scene.gravity[1]
     torque, parts = drive_torque(scene), list(load_parts(scene).values())
 
     def acceleration(theta: Any, speed: Any) -> Any:
@@ -112,13 +112,13 @@ def drive_torque(scene: Scene) -> Callable[[Any], Any]:
     if drive.kind == "motor":
         stall, no_load = drive.stall_torque_N_m, drive.no_load_speed_rad_s
         return lambda speed: stall * (1 - speed / no_load)
-    torque = drive.constant_N_m if drive.kind == "torque" else 0.0
+    torque = drive.torque_N_m if drive.kind == "torque" else 0.0
     return lambda _: torque
 
 
 def load_parts(scene: Scene) -> dict[str, Force]:
     """Return the parts of the slider's load by their names."""
-    load, parts = scene.load.slider, dict[str, Force]()
+    load, parts = scene.short.load.slider, dict[str, Force]()
     if load is None:
         return parts
     push, damping, stiffness, free = load.force_N, load.viscous_N_s_m, load.spring_N_m, load.free_position_m
@@ -144,9 +144,9 @@ def _gas_knots_rad(scene: Scene, theta: float) -> tuple[float, float]:
 
     A knot nearer than ``AT_KNOT_RAD`` is passed over: the angle stands on it.
     """
-    if scene.load.slider is None or scene.load.slider.gas is None:
+    if scene.short.load.slider is None or scene.short.load.slider.gas is None:
         return -np.inf, np.inf
-    first, *others = scene.load.slider.gas.crank_angle_rad
+    first, *others = scene.short.load.slider.gas.crank_angle_rad
     turn = np.array([0.0, *(knot - first for knot in others[:-1])])
     knots = (
         first + (np.floor((theta - first) / TURN) * TURN + np.arange(-1, 2)[:, None] * TURN + turn).ravel()
@@ -161,9 +161,13 @@ Prescribed = Callable[[Any], tuple[Any, Any, Any]]
 
 def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
     """Return the motion that a drive prescribes, and the times at which a higher derivative of it jumps."""
-    drive, first, begin = scene.drive, scene.start.crank_speed_rad_s, scene.start.time_s or 0.0
+    drive, first, begin = scene.drive, scene.short.start.crank_speed_rad_s, scene.start.time_s or 0.0
     if drive.kind == "ramp":
-        T, change, x_0 = drive.ramp_time_s, drive.final_speed - first, min(begin / drive.ramp_time_s, 1.0)
+        T, change, x_0 = (
+            drive.ramp_time_s,
+            (drive.final_speed_rad_s or 0.0) - first,
+            min(begin / drive.ramp_time_s, 1.0),
+        )
         # Expanded about the start, so that nothing cancels: the integral of S from x_0 to x_0 + h.
         turning = SMOOTH_STEP(Polynomial([x_0, 1])).integ()
 
@@ -175,7 +179,7 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
 
         return ramp, (T - begin,)
     if drive.kind == "fluctuating":
-        rate, swing = TURN * drive.frequency_Hz, drive.amplitude
+        rate, swing = TURN * drive.frequency_Hz, (drive.amplitude_rad_s or 0.0)
         phase = drive.phase_rad + rate * begin
 
         def fluctuate(t: Any) -> tuple[Any, Any, Any]:
@@ -185,7 +189,7 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
 
         return fluctuate, ()
     if drive.kind == "table" and drive.interpolation != "linear":
-        times, angles = drive.time_s, drive.values
+        times, angles = drive.time_s, (drive.angle_rad or ())
         ends = drive.end_slopes or [
             0.0 if angles[end] == angles[beside] else None for end, beside in ((0, 1), (-1, -2))
         ]
@@ -198,7 +202,9 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
 
         return tabled, [time - begin for time in times]
     if drive.kind == "table":
-        first = (drive.values[-1] - drive.values[0]) / (drive.time_s[-1] - drive.time_s[0])
+        first = ((drive.angle_rad or ())[-1] - (drive.angle_rad or ())[0]) / (
+            drive.time_s[-1] - drive.time_s[0]
+        )
     return lambda t: (first * t, first + 0.0 * t, 0.0 * t), ()
 
 
@@ -209,7 +215,7 @@ def _motion(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, FloatArray, F
     turning is integrated, and the rounding of each sum is carried on (Kahan 1965), so that round-off does not
     build up with the number of turns.
     """
-    start, parts = scene.start, list(load_parts(scene).values())
+    start, parts = scene.short.start, list(load_parts(scene).values())
     motor = drive_torque(scene) if scene.drive.kind == "motor" else None
     sums = len(parts) + (motor is not None)
     prescribed, knots = prescribed_motion(scene) if scene.speed_is_prescribed else (None, ())
@@ -280,8 +286,8 @@ def _motion(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, FloatArray, F
 @lru_cache(maxsize=64)
 def exact(scene: Scene, samples: int) -> Trajectory:
     """Return the motion of ideal joints with a rod longer than the crank at equally spaced times."""
-    assert scene.rod is not None
-    assert scene.rod.length_m > scene.crank.length_m
+    assert scene.short.rod is not None
+    assert scene.short.rod.length_m > scene.short.crank.length_m
     assert not scene.joints_with_clearance
     time = np.linspace(0.0, scene.end_time_s, samples + 1)
     theta, speed, theta_2, sums = _motion(scene, time)
@@ -294,11 +300,11 @@ def exact(scene: Scene, samples: int) -> Trajectory:
     joint_force, guide_force, torque = _reactions(scene, X, acceleration, load_N)
     work = None
     if scene.drive.kind == "torque":
-        work = scene.drive.constant_N_m * (theta - theta[0])
+        work = scene.drive.torque_N_m * (theta - theta[0])
     elif scene.drive.kind == "motor":
         work, torque = sums[-1], drive_torque(scene)(speed)
     elif scene.speed_is_prescribed:
-        m, g = masses(scene), scene.weight_m_s2
+        m, g = masses(scene), -scene.gravity[1]
         energy = np.sum(m * velocity**2, axis=(1, 2)) / 2 + g * np.sum(m[:, 0] * X[:, :, 1], axis=1)
         work = energy - energy[0] - sum(works.values())
     return Trajectory(
@@ -322,12 +328,12 @@ def _reactions(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return joint forces (n, 3, 2), guide force (n,) and driver torque (n,), slider first."""
     inertial = masses(scene) * acceleration
-    inertial[..., 1] += masses(scene)[:, 0] * scene.weight_m_s2  # every force but the joints' moved left
+    inertial[..., 1] += masses(scene)[:, 0] * -scene.gravity[1]  # every force but the joints' moved left
     inertial[:, 2, 0] -= load_N
     crank, rod, slider = (inertial[:, i] for i in range(3))
     _, link, _ = scene.crank_slider()
     length, d = link.length_m, link.centre_of_mass_m
-    s = scene.crank.centre_of_mass_m
+    s = scene.short.crank.centre_of_mass_m
     cos, sin = np.cos(X[:, 1, 2]), np.sin(X[:, 1, 2])
     B_x = slider[:, 0]
     A_x = rod[:, 0] + B_x
@@ -338,6 +344,6 @@ def _reactions(
     O_x, O_y = crank[:, 0] + A_x, crank[:, 1] + A_y
     cos, sin = np.cos(X[:, 0, 2]), np.sin(X[:, 0, 2])
     torque = crank[:, 2] + s * (cos * crank[:, 1] - sin * crank[:, 0])
-    torque = torque + scene.crank.length_m * (cos * A_y - sin * A_x)
+    torque = torque + scene.short.crank.length_m * (cos * A_y - sin * A_x)
     joint_force = np.stack([O_x, O_y, A_x, A_y, B_x, B_y], axis=-1).reshape(-1, 3, 2)
     return joint_force, slider[:, 1] - B_y, torque

@@ -1,0 +1,203 @@
+"""The start of a scene: as given, by the closed form of a plain crank-slider, or put together."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from engine_models.scene.format import Sections, TableDrive, require
+from engine_models.scene.mechanism import state_of
+from engine_models.scene.plain_words import shown
+from engine_models.scene.short import CrankSlider
+from reference_solver.mechanism.curves import curve_of
+from reference_solver.mechanism.data import ConstantSpeed, DriveData, MechanismData
+from reference_solver.tape import FloatArray
+
+if TYPE_CHECKING:
+    from reference_solver.mechanism import assembly
+
+#: What moves by less has not moved.
+ROUND_OFF = 1e-12
+#: A scene that a table drives begins at another speed than the table's by this part of the fastest in it: a
+#: coarse table is not differentiated more sharply, other units are far off.
+ALIKE = 0.1
+
+
+class Placed(NamedTuple):
+    """A start: q and v, (3b,) each; what was moved to put it together, in words, None if it was not."""
+
+    q: tuple[float, ...]
+    v: tuple[float, ...]
+    moved: str | None = None
+
+
+def placed(scene: Sections, of: MechanismData, plain: CrankSlider | None) -> Placed:
+    """Return the start of a scene whose parts fit each other, also by its plain short spelling.
+
+    Raises:
+        ValueError: there is no such start.
+    """
+    from reference_solver.mechanism.assembly import NotAssembled, assemble  # most scenes do without
+
+    if scene.start.states:
+        q, v = state_of(scene)
+        _require_closed(scene, of, q, v)
+        return Placed(tuple(q.tolist()), tuple(v.tolist()))
+    speeds, along = _speeds(scene, of.drive)
+    if plain is not None:
+        x, v = assembled(plain, plain.start.crank_angle_rad, speeds.get(0, 0.0))
+        return Placed(tuple(x.ravel().tolist()), tuple(v.ravel().tolist()))
+    try:
+        found = assemble(of, _told(scene, speeds, along))
+    except NotAssembled as reason:
+        raise ValueError(_refused(scene, of, str(reason))) from None
+    if scene.drive.kind != "free" and not found.drive_moves:
+        what, came = "guide" if scene.drive.guide else "body", f"{shown(scene.driven)}, which the joints hold"
+        raise ValueError(f"drive.{what}: expected a {what} that can move at the start, got {came}")
+    _check_springs(scene, of, found.q)
+    return Placed(tuple(found.q.tolist()), tuple(found.v.tolist()), _moved(scene, found))
+
+
+def assembled(own: CrankSlider, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities, each (3, 3), of a plain crank-slider at a crank angle and speed.
+
+    They are those of crank, rod and slider by (x, y, phi) of the centre of mass; of a pendulum (1, 3).
+    The rod is on the side of its acute angle: the slider lies to the right of pin A.
+    """
+    crank, theta, omega = own.crank, angle_rad, speed_rad_s
+    state = np.zeros((2, 1 if own.rod is None else 3, 3))
+    state[:, 0, :2] = along_axis(crank.centre_of_mass_m, theta, omega)
+    state[:, 0, 2] = theta, omega
+    if (rod := own.rod) is not None:
+        r, length = crank.length_m, rod.length_m
+        phi = np.arcsin(-r / length * np.sin(theta))
+        phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
+        pin = along_axis(r, theta, omega)
+        state[:, 1, :2] = pin + along_axis(rod.centre_of_mass_m, phi, phi_rate)
+        state[:, 1, 2] = phi, phi_rate
+        state[:, 2, 0] = (pin + along_axis(length, phi, phi_rate))[:, 0]
+    return state[0], state[1]
+
+
+def along_axis(distance_m: float, angle_rad: float, rate_rad_s: float) -> FloatArray:
+    """Return the vector of a distance along a turning axis, and its derivative, (2, 2)."""
+    x, y = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array(
+        [[distance_m * x, distance_m * y], [-distance_m * rate_rad_s * y, distance_m * rate_rad_s * x]]
+    )
+
+
+def _check_springs(scene: Sections, of: MechanismData, q: FloatArray) -> None:
+    """Refuse a spring whose ends are at one place, so that its force has no direction."""
+    from reference_solver.mechanism.assembly import place_of
+
+    for spring in of.springs:
+        i, j = place_of(q, spring.body_i, spring.point_i), place_of(q, spring.body_j, spring.point_j)
+        has_length = spring.free_length_m > 0 or spring.damping_N_s_m > 0
+        if has_length and not np.hypot(*(j - i)) > ROUND_OFF * spring.free_length_m:
+            where = ", ".join(scene.spring[spring.name].between)
+            expected = "ends that are apart at the start (else its force has no direction)"
+            raise ValueError(f"spring.{spring.name}.between: expected {expected}, got {where} at one place")
+
+
+def _require_closed(scene: Sections, of: MechanismData, q: FloatArray, v: FloatArray) -> None:
+    """Refuse states of bodies at which joints are open, or speeds that joints and drive do not allow."""
+    from reference_solver.mechanism.assembly import NotAssembled, require_closed
+
+    _check_springs(scene, of, q)
+    try:
+        require_closed(of, q, v)
+    except NotAssembled as reason:
+        raise ValueError(f"start: {reason}") from None
+
+
+def _refused(scene: Sections, of: MechanismData, reason: str) -> str:
+    """Return why there is no such start, with the entry that tells what does not hold."""
+    start, expected = scene.start, reason.partition(", got")[0]
+    if "held" in expected and start.hold:
+        return f"start.hold: {reason}"
+    if "speeds" not in expected:
+        return f"start: {reason}"
+    drives = of.drive.prescribes and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
+    also = f" (that of {scene.driven}, by the drive, among them)" if drives else ""
+    key = "speed_m_s" if start.speed_m_s and not start.speed_rad_s else "speed_rad_s"
+    return f"start.{key}: {reason}{also}"
+
+
+def _moved(scene: Sections, found: "assembly.Assembled") -> str:
+    """Return in words which bodies the assembly has turned and what it has moved along guides the most."""
+    parts, told = [], [name in scene.start.position_m for name in scene.guide]
+    for names, values, verb, unit in (
+        ([*scene.body], found.turned_rad, "turned", "rad"),
+        ([*scene.guide], found.moved_m * told, "moved along", "m"),
+    ):
+        most = int(abs(values).argmax()) if len(values) else 0
+        if len(values) and abs(values[most]) > ROUND_OFF:
+            parts.append(f"{names[most]} {verb} by {abs(values[most]):.3g} {unit}")
+    return ", ".join(parts) or "nothing moved"
+
+
+def _speeds(scene: Sections, drive: DriveData) -> tuple[dict[int, float], dict[int, float]]:
+    """Return the speeds at the start by the numbers of bodies and of guides: those told, and the drive's."""
+    start = scene.start
+    speeds = {[*scene.body].index(name): speed for name, speed in start.speed_rad_s.items()}
+    along = {[*scene.guide].index(name): speed for name, speed in start.speed_m_s.items()}
+    if drive.prescribes:
+        driven, number = (speeds, drive.body) if drive.guide is None else (along, drive.guide)
+        own = _speed_of(drive)
+        if own or number in driven or speeds or along:
+            _require_speed_of_table(scene, driven.get(number), own)
+            driven[number] = own
+    return speeds, along
+
+
+def _told(scene: Sections, speeds: dict[int, float], along: dict[int, float]) -> "assembly.Told":
+    """Return what the file tells of the start, by numbers."""
+    from reference_solver.mechanism.assembly import Told
+
+    start, bodies, guides = scene.start, [*scene.body], [*scene.guide]
+    held_bodies, held_guides = held_at_start(scene)
+    return Told(
+        {bodies.index(name): angle for name, angle in start.angle_rad.items()},
+        {guides.index(name): way for name, way in start.position_m.items()},
+        tuple(map(bodies.index, held_bodies)),
+        tuple(map(guides.index, held_guides)),
+        speeds,
+        along,
+    )
+
+
+def held_at_start(scene: Sections) -> tuple[list[str], list[str]]:
+    """Return the bodies and guides whose values are held.
+
+    Unless ``hold`` names them, it is what is driven, else the first body or guide told.
+    """
+    start, drive = scene.start, scene.drive
+    if start.hold:
+        return [n for n in start.hold if n in scene.body], [n for n in start.hold if n in scene.guide]
+    if drive.kind != "free":
+        return ([], [drive.guide]) if drive.guide is not None else ([scene.driven], [])
+    told = [name for name in scene.body if name in start.angle_rad][:1]
+    return told, [] if told else [*start.position_m][:1]
+
+
+def _speed_of(drive: DriveData) -> float:
+    """Return the speed that a drive prescribes as a run begins, in rad/s or m/s."""
+    from reference_solver.mechanism.building import motion_of
+    from reference_solver.mechanism.motions import MOTIONS
+
+    if isinstance(drive.law, ConstantSpeed):
+        return drive.law.speed
+    motion = motion_of(drive)
+    assert motion is not None
+    return float(MOTIONS[type(motion)](motion, 0.0)[1])
+
+
+def _require_speed_of_table(scene: Sections, told: float | None, own: float) -> None:
+    """Refuse a speed told that is not the one of the drive's table."""
+    drive = scene.drive
+    if not isinstance(drive, TableDrive) or told is None:
+        return
+    fastest = max(abs(rate) for rate in curve_of(drive.course()).derivative()(drive.time_s))
+    key, unit = ("speed_rad_s", "rad/s") if drive.guide is None else ("speed_m_s", "m/s")
+    expected = f"the speed of the drive's table when the scene begins, {own:.4g} {unit}"
+    require(abs(told - own) <= ALIKE * fastest, f"start.{key}.{scene.driven}", expected, told)
