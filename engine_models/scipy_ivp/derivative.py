@@ -18,21 +18,31 @@ from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.start_check import checked_start
 from engine_models.scene.scene import Scene
 from engine_models.scipy_ivp.rebounds import Rebounds
-from reference_solver.contact import types
 from reference_solver.equations import Equations
 from reference_solver.failures import SolverError
 from reference_solver.kernel import Kernel, Topology
 from reference_solver.mechanism.contact_laws import stored_J
+from reference_solver.run import (
+    CLIPPED,
+    CONTACT,
+    CONTACT_RECORD,
+    EVENT_RECORD,
+    FLIGHT,
+    Gap,
+    Impact,
+    record,
+    set_contact,
+)
 from reference_solver.solution import Solution
-from reference_solver.solver import contact_record
 
 #: Part of the largest coordinate by which rounding may keep apart two pins that touch at one instant.
 ROUND_OFF = 8 * float(np.finfo(float).eps)
 #: Flights between rigid walls as low as so many times the distance's round-off are not followed: touches are
 #: located to some units of that.
 LOWEST_FLIGHT = 64.0
-#: Fields of a gap (see ``contact.types.GAP_RECORD``) whose zeros are watched.
+#: Fields of a gap (see ``reference_solver.run.Gap``) whose zeros are watched.
 WATCHED = ("g", "rate", "push")
+GAP_RECORD = np.dtype(record(" ".join(Gap._fields)))
 
 
 def _integrated(equations: Equations) -> list[str]:
@@ -44,8 +54,8 @@ def _integrated(equations: Equations) -> list[str]:
 class Derivative:
     """f(t, y) of a scene, with the phases of its K contacts, which are constant between events.
 
-    The contacts are in flight to begin with (see ``contact.loop``). ``start`` is y at t = 0; ``sums`` names
-    the integrals in it, behind ``n`` coordinates and as many velocities.
+    The contacts are in flight to begin with (see ``reference_solver.loop``). ``start`` is y at t = 0;
+    ``sums`` names the integrals in it, behind ``n`` coordinates and as many velocities.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -56,8 +66,10 @@ class Derivative:
         self.mechanism, self._joints, self._rows = mechanism, mechanism.contacts, len(self.readable.C)
         self._forces = np.empty(self._rows + 2 * len(self._joints))
         self._rates = np.empty(2 * self.n + len(self.readable.power_names) + 2)
-        self._gaps = np.zeros(len(self._joints), types.GAP_RECORD)
-        self._contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
+        self._gaps = np.zeros(len(self._joints), GAP_RECORD)
+        self._contacts = np.zeros(len(self._joints), CONTACT_RECORD)
+        for contact, joint in zip(self._contacts, self._joints, strict=True):
+            set_contact(contact, joint)
         self.sums = tuple(_integrated(self.readable))
         self.contact_count = len(self._joints)
         self._rigid = {
@@ -126,7 +138,7 @@ class Derivative:
         time_s: FloatArray,
         samples: Sequence[FloatArray],
         phases: Sequence[FloatArray],
-        impacts: Sequence[types.Impact],
+        impacts: Sequence[Impact],
         steps: int,
     ) -> Solution:
         """Return a run with samples of y and phases at times as a solution, with the forces at them."""
@@ -145,7 +157,7 @@ class Derivative:
             normal_force_N=of_contacts[:, ::2],
             friction_force_N=of_contacts[:, 1::2],
             sums=self.named_sums(y),
-            events=np.zeros(0, types.EVENT_RECORD),
+            events=np.zeros(0, EVENT_RECORD),
             impacts=tuple(impacts),
             mode_changes=(),
             steps=steps,
@@ -161,7 +173,7 @@ class Derivative:
 
         No force acts there, so that a solver's steps are long, and a quadrature over them is of no use.
         """
-        for k in np.flatnonzero(self._contacts["phase"] == types.CLIPPED):
+        for k in np.flatnonzero(self._contacts["phase"] == CLIPPED):
             place, stored = 2 * self.n + self.sums.index(f"clip{k}"), self._stored_J(before)[k]
             for y in later:
                 y[place] = before[place] + stored - self._stored_J(y)[k]
@@ -177,7 +189,7 @@ class Derivative:
 
     def pressed(self, y: FloatArray) -> FloatArray:
         """Return every contact's normal force in N, in its present phase, and penetration, (K, 2)."""
-        gaps, pushing = self.gaps(y), self._contacts["phase"] == types.CONTACT
+        gaps, pushing = self.gaps(y), self._contacts["phase"] == CONTACT
         return np.column_stack([np.where(pushing, gaps["elastic"] * gaps["push"], 0.0), gaps["depth"]])
 
     def phases(self) -> FloatArray:
@@ -190,7 +202,7 @@ class Derivative:
 
     def flying(self, contact: int) -> bool:
         """Return whether a contact is in flight."""
-        return bool(self._contacts["phase"][contact] == types.FLIGHT)
+        return bool(self._contacts["phase"][contact] == FLIGHT)
 
     def alarm_of(self, contact: int, kind: int) -> tuple[str, float]:
         """Return the watched field, and its sign past an event, 0 if there is none in the present phase.
@@ -199,8 +211,8 @@ class Derivative:
         """
         phase = self._contacts["phase"][contact]
         if kind == 0:
-            return "g", 1.0 if phase == types.FLIGHT else -1.0
-        return "push", 0.0 if phase == types.FLIGHT else -1.0 if phase == types.CONTACT else 1.0
+            return "g", 1.0 if phase == FLIGHT else -1.0
+        return "push", 0.0 if phase == FLIGHT else -1.0 if phase == CONTACT else 1.0
 
     def alarm(self, contact: int, kind: int, y: FloatArray) -> float:
         """Return a number positive past an event (see ``alarm_of``)."""
@@ -219,7 +231,7 @@ class Derivative:
         """Return whether a contact is with a rigid wall, from which its pin rebounds."""
         return contact in self._rigid
 
-    def rebound(self, t: float, y: FloatArray) -> tuple[FloatArray, list[types.Impact]]:
+    def rebound(self, t: float, y: FloatArray) -> tuple[FloatArray, list[Impact]]:
         """Return y after the impacts of the pins that touch rigid walls, and what these did.
 
         Raises:
@@ -250,12 +262,12 @@ class Derivative:
         """Change a contact's phase at an event, where a touch stores its a/v0."""
         phase = self._contacts["phase"]
         if kind == 1:
-            phase[contact] = types.CLIPPED if phase[contact] == types.CONTACT else types.CONTACT
+            phase[contact] = CLIPPED if phase[contact] == CONTACT else CONTACT
         elif self.flying(contact):
             self._contacts["memory"][contact] = self._memory(contact, self.gaps(y)["rate"][contact])
-            phase[contact] = types.CONTACT
+            phase[contact] = CONTACT
         else:
-            phase[contact] = types.FLIGHT
+            phase[contact] = FLIGHT
 
     def sense(self, y: FloatArray, memory: FloatArray) -> None:
         """Set every phase by the signs of penetration and force at y.
@@ -264,19 +276,17 @@ class Derivative:
         """
         gaps, contacts = self.gaps(y), self._contacts
         for k in range(len(memory)):
-            contacts["phase"][k] = types.CONTACT if gaps["g"][k] > 0 else types.FLIGHT
+            contacts["phase"][k] = CONTACT if gaps["g"][k] > 0 else FLIGHT
             if gaps["g"][k] > 0:
                 new = self._memory(k, abs(gaps["rate"][k]))
                 contacts["memory"][k] = new if np.isnan(memory[k]) else memory[k]
-        clipped = (
-            (contacts["phase"] == types.CONTACT) & (contacts["clipped"] > 0) & (self.gaps(y)["push"] < 0)
-        )
-        contacts["phase"][clipped] = types.CLIPPED
+        clipped = (contacts["phase"] == CONTACT) & (contacts["clipped"] > 0) & (self.gaps(y)["push"] < 0)
+        contacts["phase"][clipped] = CLIPPED
 
     def remember(self, y: FloatArray, memory: FloatArray) -> FloatArray:
         """Return the memory after a step that ended at y: a/v0 of contacts begun in it, NaN in flight."""
         self.sense(y, memory)
-        return np.where(self._contacts["phase"] == types.FLIGHT, np.nan, self._contacts["memory"])
+        return np.where(self._contacts["phase"] == FLIGHT, np.nan, self._contacts["memory"])
 
     def _memory(self, contact: int, speed_m_s: float) -> float:
         law = self._joints[contact].compliance

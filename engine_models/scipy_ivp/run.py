@@ -9,7 +9,7 @@ from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.scipy_ivp.calls import Calls
 from engine_models.scipy_ivp.contact import Event, alarms, crossing, nearest
 from engine_models.scipy_ivp.derivative import Derivative
-from reference_solver.contact.types import Impact
+from reference_solver.run import Impact
 
 
 class Record:
