@@ -20,6 +20,7 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.kernels import CompiledEngine
+from engine_models.mechanics.contact_law import require_family
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import checked_start, unwound
 from engine_models.memory import require_memory
@@ -103,6 +104,7 @@ class PymunkEngine(CompiledEngine):
         Raises:
             UnsupportedScene: see ``check``.
         """
+        require_family(scene, "pymunk")
         twin = rigid_twin(scene) if self.contact == "rigid" else scene
         fixing = [*needs_one_step(twin), *([] if self.half_kick_start else ["half_kick_start = False"])]
         if self.shorter_in_contact > 1 and fixing:
