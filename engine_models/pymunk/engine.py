@@ -16,6 +16,7 @@ from pydantic.dataclasses import dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, BareRun, RunSettings, Trajectory, UnsupportedScene
 from engine_models.kernels import CompiledEngine
+from engine_models.mechanics.contact_law import require_family
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import checked_start, unwound
 from engine_models.memory import require_memory
@@ -160,6 +161,7 @@ class PymunkEngine(CompiledEngine):
         Raises:
             UnsupportedScene: see ``check``.
         """
+        require_family(scene, "pymunk")
         twin = rigid_twin(scene) if self.contact == "rigid" else scene
         fixing = [*needs_one_step(twin), *([] if self.half_kick_start else ["half_kick_start = False"])]
         if self.shorter_in_contact > 1 and fixing:
