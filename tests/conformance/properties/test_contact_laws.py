@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
 from engine_models.minimal.equations import friction_share
-from engine_models.minimal.model import wall_of
+from engine_models.minimal.model import damping_of, wall_of
 from engine_models.scene.format import Clearance, Friction
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
 
 deterministic = settings(max_examples=60, deadline=None, derandomize=True)
 depths = st.floats(1e-7, 1e-3)
@@ -30,13 +31,8 @@ def clearance(law: str, **fields: float) -> Clearance:
 def test_what_is_not_elastic_takes_energy_out(
     law: str, depth: float, rate: float, stiffness: float, e: float, approach: float
 ) -> None:
-    fields = (
-        {"damping_N_s_m": 100.0}
-        if law == "kelvin-voigt"
-        else {"restitution": e}
-        if law in DAMPING_FACTORS
-        else {}
-    )
+    fields = {"restitution": e} if law in DAMPING_FACTORS else {}
+    fields |= {"damping_N_s_m": 100.0} if law == "kelvin-voigt" else {}
     numbers = law_numbers(clearance(law, stiffness=stiffness, **fields))
     force, spring, clipped = normal_force(numbers, depth, rate, approach)
     assert (force - spring) * rate >= 0
