@@ -1,10 +1,11 @@
-"""What only Pymunk has: native contacts, sweeps, steps shorter in contact, and a compiled loop."""
+"""What only Pymunk has: native contacts, sweeps, and steps shorter in contact."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
+from engine_models.arms import OUT_OF_THE_BOX
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.energy import energy_balance_residual_J
 from engine_models.pymunk.engine import PymunkEngine
@@ -20,7 +21,7 @@ from tests.scenes import scene
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES = 20
-LIBRARY = PymunkEngine.out_of_the_box()
+LIBRARY = PymunkEngine(**OUT_OF_THE_BOX.settings)  # type: ignore[arg-type]
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
 DAMPED = SCENES["clearance-driven-damped"]()
 #: A contact is noticed up to a step late, by chance: an error is the mean square of several steps.
@@ -71,20 +72,11 @@ def motor(torque_N_m: float) -> dict[str, Any]:
     return {"drive": {"kind": "motor", "stall_torque_N_m": torque_N_m, "no_load_speed_rad_s": 60.0}}
 
 
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"load.slider.viscous_N_s_m": 1e5}, r"load.slider.viscous_N_s_m too .* below 2\.8e-06 s"),
-        (motor(6000.0), r"drive.motor too strong .* below 3\.95e-06 s"),
-    ],
-)
-def test_a_damper_too_strong_for_the_step_fails_in_one_line_and_runs_out_of_the_box(
-    changes: Any, reason: str
-) -> None:
-    of = until(ideal_free(), 0.01, **changes)
-    with pytest.raises(SimulationFailed, match=rf"^{reason}$"):
+def test_a_damper_too_strong_for_the_step_is_a_failure_with_its_time() -> None:
+    of = until(ideal_free(), 0.01, **motor(6000.0))
+    with pytest.raises(SimulationFailed, match=r"^[^\n]* at t = \S+ s[^\n]*$"):
         run(of, 200)
-    assert len(run(of, 200, LIBRARY).time_s) == SAMPLES + 1
+    assert run(of, 40_000).velocity[-1, 0, 2] == pytest.approx(60.0, abs=0.1), "the speed without a load"
 
 
 # Joints and sweeps.
@@ -99,13 +91,15 @@ def weighed(of: Scene, rod: float, slider: float) -> Scene:
 
 @pytest.mark.parametrize("of", [ideal_free(), ideal_driven()], ids=lambda of: of.name)
 @pytest.mark.parametrize(("rod", "slider"), [(1, 1), (1, 0.1), (1, 100), (100, 1)])
-def test_a_scene_gets_as_many_sweeps_as_its_joints_need_and_few(of: Scene, rod: float, slider: float) -> None:
+def test_a_scenes_own_sweeps_leave_nothing_to_gain_and_ten_of_these_masses(
+    of: Scene, rod: float, slider: float
+) -> None:
     of = weighed(of, rod, slider)
     true = exact(of, SAMPLES)
-    own, many = (off(run(of, 4800, PymunkEngine(iterations=n)), true) for n in (None, 1000))
-    assert own < 1.1 * many, "measured 1.03 and less"
-    if of.drive.kind == "free" and max(rod, slider) < 100:  # masses are balanced
-        assert own < 1.35 * off(run(of, 4800, PymunkEngine(joints="all")), true), "measured 1.2"
+    own, many = (off(run(of, 4800, PymunkEngine(iterations=n)), true) for n in (None, 2000))
+    assert own < 1.1 * many, (own, many)
+    if rod == slider == 1:
+        assert off(run(of, 4800, PymunkEngine(iterations=10)), true) < 1.1 * many
 
 
 OFF_LINE = QUICK_RETURN.replace('on = "lever" }', 'on = "lever", through_m = [0.0, 0.03] }')
@@ -120,23 +114,22 @@ ON_LEVER = QUICK_RETURN.replace("crank = 12.0 }", "} \nspeed_m_s = { slot = 0.2 
     [
         (SCOTCH_YOKE, "guide slot to keep crank from turning on yoke, got turns = true: .* of order 1"),
         (OFF_LINE, "guide slot to lead through the point about which lever turns, .* of order 1"),
-        (OFF_CENTRE, "guide slot to lead through the point about which lever turns, .* of order 1"),
+        (OFF_CENTRE, "guide slot to lead through the point about which block turns, .* of order 1"),
         (ON_LEVER, "drive.guide to be one on the ground, got slot on lever"),
     ],
 )
-@pytest.mark.parametrize("joints", ["fewest", "all"])
-def test_what_pymunk_does_not_express_is_refused_in_one_line(text: str, reason: str, joints: Any) -> None:
+def test_what_pymunk_does_not_express_is_refused_in_one_line(text: str, reason: str) -> None:
     with pytest.raises(UnsupportedScene, match=f"^pymunk: expected {reason}.*$"):
-        PymunkEngine(joints=joints).check(mechanism(text))
+        PymunkEngine().check(mechanism(text))
 
 
 @pytest.mark.parametrize(
     ("of", "engine", "steps"),
     [
-        (ideal_free(), PymunkEngine(joints="all", iterations=4), 6560),
+        (ideal_free(), PymunkEngine(iterations=4), 6560),
         (SCENES["clearance-pendulum"]().replace("start.crank_speed_rad_s", 1e9), PymunkEngine(), 1000),
-        # The joints come open before the rod is turned over: up to ten sweeps, and as many as are needed do.
-        (ideal_driven().replace("rod.length_m", 0.051), PymunkEngine(iterations=10), 20000),
+        # The joints come open before the rod is turned over.
+        (ideal_driven().replace("rod.length_m", 0.051), PymunkEngine(iterations=5), 20000),
     ],
 )
 def test_joints_that_come_open_are_a_failure_with_its_time(
@@ -238,7 +231,8 @@ def test_friction_stays_in_coulombs_cone_and_of_native_impacts_can_create_energy
         if engine is native:
             assert lost < -0.01 if of is three else lost > 0
             residual = np.abs(energy_balance_residual_J(of, own)).max()
-            assert residual < (1e-8 if of is three else 1e-5), "the ledger tells"
+            # The ledger takes one place for both walls, Pymunk each one's own: 2e-7 J of friction's loss.
+            assert residual < (1e-6 if of is three else 1e-5), "the ledger tells"
 
 
 def test_the_twin_of_a_native_contact_is_the_scene_with_rigid_walls() -> None:
