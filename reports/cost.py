@@ -65,7 +65,7 @@ def _inside(rows: pd.DataFrame) -> Iterator[Claim]:
     """Yield which part of the run time each engine that tells it spends in its own calls."""
     parts = 100 * rows["engine_time_s"] / rows["solve_time_s"]
     for engine, of in parts.groupby(rows["engine"]):
-        text = f"{engine} spends {{least}} to {{most}} of the run time inside its own calls, the rest in the loop."
+        text = f"Of its run time {engine} spends {{least}} to {{most}} inside its own calls, not in the loop."
         yield Claim(f"inside {engine}", text, {"least": (of.min(), "%"), "most": (of.max(), "%")})
 
 
