@@ -53,7 +53,7 @@ from reference_solver.run import (
     Gap,
 )
 
-inner = register_jitable(**OPTIONS)
+inner = register_jitable(**OPTIONS, no_cfunc_wrapper=True)
 
 #: Part of the clearance (or of a radian) that a pin crosses in a step of flight, by RK4 and with error
 #: control.
