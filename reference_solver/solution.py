@@ -15,7 +15,8 @@ from reference_solver.tape import FloatArray, RecordArray
 #: What a contact dissipates by (see ``contact.force.rates_of``).
 LOSSES = ("loss", "clip", "slide", "impact", "closing")
 #: What an event that ends a contact tells of it.
-ENDED = "time_s contact what approach impulse lost mass began_s force force_s deepest deepest_s".split()
+ENDED = ["time_s", "contact", "what", "approach", "impulse", "lost", "mass", "began_s"]
+ENDED += ["force", "force_s", "deepest", "deepest_s"]
 
 
 @dataclass(frozen=True)
