@@ -22,6 +22,7 @@ from engine_models.engine import (
 )
 from engine_models.exudyn.contact import native_twin
 from engine_models.exudyn.tree import why_no_tree
+from engine_models.mechanics.contact_law import require_family
 from engine_models.mechanics.crank_motion import require_followed
 from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
@@ -78,6 +79,7 @@ class ExudynEngine(Engine):
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""
+        require_family(scene, "exudyn")
         native_twin(scene)
         reason = why_no_tree(scene.mechanism)
         if reason and self.solver_of(scene) in EXPLICIT:

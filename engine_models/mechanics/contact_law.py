@@ -6,8 +6,12 @@ F = K delta^n (1 + a(e) delta'/v0) + c delta', v0 the approach speed at touch, n
 import math
 from typing import NamedTuple
 
+from engine_models.engine import UnsupportedScene
 from engine_models.scene.format import Clearance
+from engine_models.scene.plain_words import shown
+from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contact_laws import (
+    NORMAL_LAWS,
     clips,
     damping_factor_of,
     exponent_of,
@@ -26,6 +30,20 @@ __all__ = [
     "normal_force",
     "stiffness_of",
 ]
+
+
+def require_family(scene: Scene, engine: str) -> None:
+    """Refuse laws that the reference has by functions of their own, which an engine has no form for.
+
+    Raises:
+        UnsupportedScene: a joint has one.
+    """
+    for name, room in scene.clearances.items():
+        if room.law in NORMAL_LAWS:
+            expected = "a law of a stiffness and a damping, or of the dissipative family"
+            raise UnsupportedScene(
+                f"{engine}: clearance.{name}.law: expected {expected}, got {shown(room.law)}"
+            )
 
 
 class LawNumbers(NamedTuple):

@@ -94,7 +94,7 @@ class Forces(Numbers):
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene.mechanism, np.zeros(3 * len(scene.mechanism.bodies)), _damping_of)
         self._short = "slider." if scene.is_short else ""
-        bodies = self._block(eq.BODIES)
+        bodies = self.block(eq.BODIES)
         #: Mass, mass and inertia of every body, (bodies, 3).
         self.masses = bodies[:, [0, 0, 1]]
 

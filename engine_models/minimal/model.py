@@ -171,10 +171,11 @@ class Numbers:
                 np.zeros((1, told)),
             ]
         )
-        self.contacts, self.phases = self._block(eq.CONTACTS), self._block(eq.PHASES)
-        self.order, self.told = self._block(eq.ORDER)[0], self._block(eq.TOLD)[0]
+        self.contacts, self.phases = self.block(eq.CONTACTS), self.block(eq.PHASES)
+        self.order, self.told = self.block(eq.ORDER)[0], self.block(eq.TOLD)[0]
 
-    def _block(self, number: int) -> FloatArray:
+    def block(self, number: int) -> FloatArray:
+        """Return a block of ``p``, of which a change changes it."""
         first, rows, columns = self.p[3 * number : 3 * number + 3].astype(int).tolist()
         return self.p[first : first + rows * columns].reshape(rows, columns)
 

@@ -13,7 +13,7 @@ from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.format import LAWS
 from engine_models.scene.format import FrictionLaw as FrictionName
 from engine_models.scene.library import clearance
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, FRICTION_LAWS, NORMAL_LAWS, FrictionLaw
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, FRICTION_LAWS, FrictionLaw
 from tests.docs.pages import table
 
 PAGE = "docs/laws.md"
@@ -41,7 +41,7 @@ def value(formula: str, **names: float) -> float:
 
 
 def test_every_law_and_every_damping_factor_of_the_code_is_on_the_page() -> None:
-    assert {*LAWS} | (NORMAL_LAWS.keys() - {"dissipative"}) == FAMILY.keys()
+    assert {*LAWS} == FAMILY.keys()
     assert set(get_args(FrictionName)) == FRICTION_LAWS.keys() == FRICTION.keys()
     assert set(WITH_FACTOR) == DAMPING_FACTORS.keys()
 

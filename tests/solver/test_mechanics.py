@@ -13,7 +13,7 @@ from engine_models.mechanics.contact_law import LawNumbers, friction_force, norm
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.mechanics.loads import slider_forces
-from engine_models.pymunk.rigid_twin import rigid_twin
+from engine_models.pymunk.native_contact import rigid_twin
 from engine_models.reference import two_methods
 from engine_models.scene.format import Clearance, RampDrive
 from engine_models.scene.library import SCENES, ideal_driven
