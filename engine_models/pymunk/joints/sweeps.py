@@ -23,13 +23,13 @@ import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.states import point_motion
 from engine_models.mechanics.wrenches import Wrenches
 from engine_models.pace import Pace
 from engine_models.pymunk.joints.plan import Plan
 from engine_models.scene.scene import Scene
 from reference_solver.failures import SolverError
+from reference_solver.mechanism.building import mechanism_of
 from reference_solver.solver import ErrorControl, Solver
 
 #: What sweeps may leave, and with contacts.
@@ -87,7 +87,7 @@ def path_of(scene: Scene) -> FloatArray:
     q, pace = start.ravel(), Pace(twin, LOOK_UP_STEPS, MOST_STEPS)
     with np.errstate(all="ignore"):
         try:
-            solver = Solver(mechanism_of(twin), q, ErrorControl(1e-4, scene.end_time_s))
+            solver = Solver(mechanism_of(twin.mechanism), q, ErrorControl(1e-4, scene.end_time_s))
             run = solver.run(
                 q, velocity.ravel(), scene.end_time_s, PLACES, lambda t: pace.judge(t, solver.steps)
             )
