@@ -68,11 +68,9 @@ OUT_OF_THE_BOX = Arm(
     "pymunk",
     "out of the box",
     {
-        "joints": "all",
         "iterations": 10,
         "error_bias": (1 - 0.1) ** 60,
         "half_kick_start": False,
-        "contact_iterations": 10,
         "collision_bias": (1 - 0.1) ** 60,
         "collision_slop_m": 0.1,
         "collision_persistence": 3,
@@ -86,8 +84,6 @@ NATIVE_CONTACT = Arm("pymunk", "native contact", {"contact": "rigid"})
 SCIPY = Arm("scipy", AS_IT_COMES)
 SCIPY_DOP853 = Arm("scipy", "solve_ivp, DOP853", {"method": "DOP853"}, ("rtol", "atol"))
 LSODA = Arm("scipy", "solve_ivp, LSODA", {"method": "LSODA"}, ("rtol", "atol"))
-ODEINT = Arm("scipy", "odeint", {"method": "odeint"}, ("rtol", "atol"))
-ODE = Arm("scipy", "ode(dop853)", {"method": "dop853"}, ("rtol", "atol"))
 RADAU = Arm("scipy", "solve_ivp, Radau", {"method": "Radau"}, ("rtol", "atol"))
 #: Engines, and arms, whose solve gives the motion alone: forces are computed after the run, at the samples
 #: that are asked for, and are in no run time. Exudyn's explicit solvers have no joints to tell forces of.
@@ -111,7 +107,7 @@ MEANINGS = {
     RK44.label: "explicit RK4 on a kinematic tree, steps of one length",
     DOPRI5.label: "explicit DOPRI5 on a kinematic tree, with error control",
     WIDE_GAP.label: "the same with a wider band in which contacts switch, and shorter steps",
-    TUNED.label: "joint errors corrected in full in every step, as many sweeps as the scene needs, order 2",
+    TUNED.label: "joint errors corrected in full in every step, order 2",
     OUT_OF_THE_BOX.label: "Pymunk's own defaults, order 1",
     AS_THE_SCENE.label: "tuned joints, contact forces by the scene's law, steps of one length",
     SHORTER_IN_CONTACT.label: "tuned joints, contact forces by the scene's law, shorter steps in contact",
@@ -119,8 +115,6 @@ MEANINGS = {
     SCIPY.label: "solve_ivp as it comes here: DOP853, with its events for contacts",
     SCIPY_DOP853.label: "solve_ivp with DOP853, order 8, and with its events for contacts",
     LSODA.label: "solve_ivp with LSODA, of variable order",
-    ODEINT.label: "odeint: LSODA by its older call, without events",
-    ODE.label: "integrate.ode with dop853: DOP853 by its older class, without events",
     RADAU.label: "solve_ivp with Radau, implicit, order 5",
 }
 
@@ -131,11 +125,6 @@ NAMED = ("reference", "exudyn", "pymunk", "scipy")
 def gives_motion_alone(arm: Arm) -> bool:
     """Return whether an arm's solve leaves the forces for later (see ``MOTION_ALONE``)."""
     return arm.engine in MOTION_ALONE or arm in MOTION_ALONE
-
-
-def with_iterations(iterations: int) -> Arm:
-    """Return tuned Pymunk with another number of sweeps over its joints."""
-    return Arm("pymunk", f"{iterations} iterations", {"iterations": iterations})
 
 
 def newcomers() -> tuple[Arm, ...]:

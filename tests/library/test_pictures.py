@@ -79,7 +79,7 @@ def test_the_scale_of_arrows_is_told_and_holds(run: cs.Run) -> None:
     for k, (name, body) in enumerate({"O": "crank", "A": "rod", "B": "slider"}.items()):
         whole = mm / newtons * run.trajectory.joint_force_N[name][3]
         cut = cut_mm / max(float(np.hypot(*whole)), cut_mm)
-        np.testing.assert_allclose(np.append(joints.U[k], joints.V[k]), cut * whole, rtol=5e-3)
+        np.testing.assert_allclose([np.asarray(joints.U)[k], np.asarray(joints.V)[k]], cut * whole, rtol=5e-3)
         place = drawn.forces[f"joint {name} on the {body}"][0][3]
         np.testing.assert_array_equal(np.asarray(joints.get_offsets())[k], place)
 

@@ -13,7 +13,7 @@ from engine_models.mechanics.contact_law import LawNumbers, friction_force, norm
 from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.mechanics.loads import slider_forces
-from engine_models.pymunk.rigid_twin import rigid_twin
+from engine_models.pymunk.native_contact import rigid_twin
 from engine_models.reference import two_methods
 from engine_models.scene.format import Clearance, RampDrive
 from engine_models.scene.library import SCENES, ideal_driven
@@ -71,7 +71,7 @@ def test_a_spring_pulls_from_its_free_position() -> None:
 
 def test_a_ramp_takes_its_time_and_is_half_way_in_the_middle() -> None:
     drive = RampDrive(kind="ramp", final_speed_rad_s=110.0, ramp_time_s=0.02)
-    start = ideal_driven().start.model_copy(update={"crank_speed_rad_s": 10.0})
+    start = ideal_driven().short.start.model_copy(update={"crank_speed_rad_s": 10.0})
     motion = crank_motion(ideal_driven().model_copy(update={"drive": drive, "start": start}))
     assert motion is not None
     assert motion.speed_rad_s(np.array([0.0, 0.01, 0.02, 1.0])).tolist() == pytest.approx([10, 60, 110, 110])
