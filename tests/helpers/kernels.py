@@ -35,7 +35,11 @@ def scene_case(name: str) -> Start:
     q, v = assembled(
         scene.short, scene.short.start.crank_angle_rad + 0.7, scene.short.start.crank_speed_rad_s + 10
     )
-    driven = mechanism_of(scene.replace("start.crank_speed_rad_s", float(v[0, 2])))
+    driven = mechanism_of(
+        scene.model_copy(
+            update={"start": scene.short.start.model_copy(update={"crank_speed_rad_s": float(v[0, 2])})}
+        )
+    )
     return driven, q.ravel(), v.ravel(), 1e-4
 
 
