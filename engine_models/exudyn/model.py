@@ -23,13 +23,13 @@ from engine_models.engine import FloatArray
 from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.kinematics import generalised, link_rows
 from engine_models.exudyn.tree import Branch, branches_of, driven_link, turned
-from engine_models.mechanics.contact_law import exponent_of, minimum_impact_speed_of, stiffness_of
-from engine_models.mechanics.start_check import checked_start
+from engine_models.mechanics.start import checked_start
 from engine_models.mechanics.states import JointGap, pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.contact_laws import exponent_of, minimum_impact_speed_of, stiffness_of
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Course, Guide, Point
 
 items: Any = itemInterface  # its constructors carry no types

@@ -5,12 +5,11 @@ import math
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.mechanics.loads import load_forces
 from engine_models.mechanics.states import lever_m, point_motion
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import stored_J
+from reference_solver.mechanism.contact_laws import exponent_of, stiffness_of, stored_J
 from reference_solver.mechanism.data import Spring
 
 #: What lies below these, in parts of what forces do in a radian of the crank and in J, is rounding at rest.

@@ -16,9 +16,9 @@ from pydantic.dataclasses import dataclass
 
 from engine_models.engine import SETTINGS_CONFIG, BareRun, RunSettings, Trajectory, UnsupportedScene
 from engine_models.kernels import CompiledEngine
-from engine_models.mechanics.crank_motion import require_followed
-from engine_models.mechanics.start_check import checked_start, unwound
+from engine_models.mechanics.start import checked_start, unwound
 from engine_models.memory import require_memory
+from engine_models.pace import require_followed
 from engine_models.pymunk.inputs import Inputs
 from engine_models.pymunk.joints.balance import balanced
 from engine_models.pymunk.joints.dampers import damped, dampers_of, require_damped

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed
-from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import point_motion
 from engine_models.mechanics.wrenches import Wrenches
 from engine_models.pace import Pace
