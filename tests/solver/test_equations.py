@@ -178,8 +178,8 @@ def missing(scene: Scene, state: FloatArray, answers: FloatArray) -> FloatArray:
         answers[9:15].reshape(3, 2),
         answers[15:17],
     )
-    at = np.zeros(1), position[None], velocity[None]
-    load = sum(f[0] for f in load_forces(scene.mechanism, *at).values())
+    now = np.zeros(1), position[None], velocity[None]
+    load = sum(f[0] for f in load_forces(scene.mechanism, *now).values())
     s, d = crank.centre_of_mass_m, rod.centre_of_mass_m
     at = [
         (0, 0, -s, 1),

@@ -52,10 +52,11 @@ def test_friction_opposes_sliding_and_is_no_more_than_coulombs(
     dead = {"dead_band_speed_m_s": 0.003} if kind == "ambrosio" else {}
     of = {"law": kind, "coefficient": coefficient, "regularisation_speed_m_s": 0.01, **dead}
     room = clearance("hertz", stiffness=1e8).model_copy(update={"friction": Friction.model_validate(of)})
-    row = np.array([*[0.0] * 6, *wall_of(clearance_data(room), damping_of)])
+    row = np.array([*[0.0] * 6, *wall_of(room.data(), damping_of)])
     most = coefficient * max(normal, 0.0)
     force = -most * friction_share(row, sliding)
     assert force * sliding <= 0
+    assert force == 0.0 or abs(sliding) > dead.get("dead_band_speed_m_s", 0.0)
     assert abs(force) <= most
     if abs(sliding) >= 0.2 and normal > 0:  # twenty times the speed at which all of it acts
         assert math.isclose(abs(force), coefficient * normal, rel_tol=1e-9)
