@@ -68,11 +68,9 @@ OUT_OF_THE_BOX = Arm(
     "pymunk",
     "out of the box",
     {
-        "joints": "all",
         "iterations": 10,
         "error_bias": (1 - 0.1) ** 60,
         "half_kick_start": False,
-        "contact_iterations": 10,
         "collision_bias": (1 - 0.1) ** 60,
         "collision_slop_m": 0.1,
         "collision_persistence": 3,
@@ -109,7 +107,7 @@ MEANINGS = {
     RK44.label: "explicit RK4 on a kinematic tree, steps of one length",
     DOPRI5.label: "explicit DOPRI5 on a kinematic tree, with error control",
     WIDE_GAP.label: "the same with a wider band in which contacts switch, and shorter steps",
-    TUNED.label: "joint errors corrected in full in every step, as many sweeps as the scene needs, order 2",
+    TUNED.label: "joint errors corrected in full in every step, order 2",
     OUT_OF_THE_BOX.label: "Pymunk's own defaults, order 1",
     AS_THE_SCENE.label: "tuned joints, contact forces by the scene's law, steps of one length",
     SHORTER_IN_CONTACT.label: "tuned joints, contact forces by the scene's law, shorter steps in contact",
@@ -127,11 +125,6 @@ NAMED = ("reference", "exudyn", "pymunk", "scipy")
 def gives_motion_alone(arm: Arm) -> bool:
     """Return whether an arm's solve leaves the forces for later (see ``MOTION_ALONE``)."""
     return arm.engine in MOTION_ALONE or arm in MOTION_ALONE
-
-
-def with_iterations(iterations: int) -> Arm:
-    """Return tuned Pymunk with another number of sweeps over its joints."""
-    return Arm("pymunk", f"{iterations} iterations", {"iterations": iterations})
 
 
 def newcomers() -> tuple[Arm, ...]:

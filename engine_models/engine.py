@@ -230,11 +230,13 @@ class Trajectory:
 class BareRun(NamedTuple):
     """A run of which the end alone is kept: its solve's wall time in s, and ``position`` there, (bodies, 3).
 
-    Angles are those of ``wound`` scenes.
+    Angles are those of ``wound`` scenes. ``engine_time_s`` is the part of the time that was spent inside the
+    engine's own calls, where this project's are beside them in a loop.
     """
 
     solve_time_s: float
     position: FloatArray
+    engine_time_s: float | None = None
 
 
 class Engine(ABC):

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from scipy.integrate import DOP853, LSODA, Radau
@@ -28,7 +28,7 @@ from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.equations import CLIPPED, FLIGHT, PUSHED
-from engine_models.minimal.model import STEEP, Model
+from engine_models.minimal.model import STEEP, Model, Numbers
 from engine_models.minimal.rigid import settle
 from engine_models.pace import Pace
 from engine_models.progress import tell
@@ -94,7 +94,7 @@ class Run:
     """One run: ``states`` and ``told`` have a row a time, ``impacts`` one for each contact that is over."""
 
     def __init__(self, model: Model, times_s: FloatArray, choice: Choice) -> None:
-        self.model, self.times_s, self.choice = model, times_s, choice
+        self.scene, self.model, self.times_s, self.choice = model.scene, model, times_s, choice
         self.t: float = 0.0
         self.y: FloatArray = model.start.copy()
         self.states, self.told, self.steps, self.evaluations = list[FloatArray](), list[FloatArray](), 0, 0
@@ -407,16 +407,32 @@ def solve(scene: Scene, settings: RunSettings, choice: Callable[[Model], Choice]
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("error")
         run.run()
-    return trajectory_of(run, time.perf_counter() - began)
+    trajectory = trajectory_of(run, time.perf_counter() - began)
+    trajectory.position[..., 2] += model.turns_rad
+    return trajectory
 
 
-def trajectory_of(run: Run, took_s: float) -> Trajectory:
+class Recorded(Protocol):
+    """Rows of states (q, v, sums) and of what ``equations.rates`` tells of them, and impacts."""
+
+    scene: Scene
+    times_s: FloatArray
+    states: list[FloatArray]
+    told: list[FloatArray]
+    steps: int
+    impacts: list[list[list[float]]]
+
+    @property
+    def model(self) -> Numbers:
+        """The mechanism's numbers."""
+
+
+def trajectory_of(run: Recorded, took_s: float) -> Trajectory:
     """Return what a run has recorded."""
-    model, of, scene = run.model, run.model.of, run.model.scene
+    model, of, scene = run.model, run.model.of, run.scene
     y, told = np.array(run.states), np.array(run.told)
     n, size = len(y), model.size
     position, velocity = y[:, :size].reshape(n, -1, 3), told[:, :size].reshape(n, -1, 3)
-    position[..., 2] += model.turns_rad
     multipliers, told_of = told[:, 2 * size :], told[:, 2 * size + model.rows + len(model.phases) :]
     sums: dict[Any, FloatArray] = dict(zip(model.sums, y[:, 2 * size :].T, strict=True))
     parts = told_of[:, eq.OF_CONTACT * len(model.phases) :]
@@ -460,7 +476,7 @@ def trajectory_of(run: Run, took_s: float) -> Trajectory:
 
 
 def contact_of(
-    model: Model,
+    model: Numbers,
     k: int,
     position: FloatArray,
     told: FloatArray,

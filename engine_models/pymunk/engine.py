@@ -5,154 +5,97 @@ loads and by the impulses of joints and contacts, all at the new positions. The 
 position errors back. So after step k the positions x_k are those of t_k = k dt, and the kick was made at x_k.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import SETTINGS_CONFIG, BareRun, RunSettings, Trajectory, UnsupportedScene
+from engine_models.engine import (
+    SETTINGS_CONFIG,
+    BareRun,
+    RunSettings,
+    Trajectory,
+    UnsupportedScene,
+    require_finite,
+)
 from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.start import checked_start, unwound
 from engine_models.memory import require_memory
+from engine_models.minimal.run import trajectory_of
 from engine_models.pace import require_followed
-from engine_models.pymunk.inputs import Inputs
-from engine_models.pymunk.joints.balance import balanced
-from engine_models.pymunk.joints.dampers import damped, dampers_of, require_damped
-from engine_models.pymunk.joints.plan import Plan, plan_of
-from engine_models.pymunk.joints.sweeps import (
-    LEFT_OVER,
-    LEFT_OVER_WITH_CONTACTS,
-    THINNED,
-    Convergence,
-    are_apart,
-    convergence_of,
-    path_of,
-)
-from engine_models.pymunk.model import build
-from engine_models.pymunk.rigid_twin import rigid_twin
-from engine_models.pymunk.run import pymunk_bare_run, pymunk_run
-from engine_models.pymunk.stepping import Model
-from engine_models.pymunk.workspace import Workspace
+from engine_models.pymunk.loop import Loop
+from engine_models.pymunk.model import build, sweeps_of
+from engine_models.pymunk.native_contact import rigid_twin
+from engine_models.pymunk.record import Record, require_the_mechanism
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import ConstantSpeed
 
-#: Pymunk's own defaults: joints and contacts lose a tenth of their position error every sixtieth of a second.
-LIBRARY_ITERATIONS, LIBRARY_ERROR_BIAS = 10, (1.0 - 0.1) ** 60.0
-LIBRARY_SLOP_M, LIBRARY_PERSISTENCE = 0.1, 3
-#: Masses are balanced where that saves so many sweeps, or one where a drive prescribes the motion: elsewhere
-#: one is not worth what it changes of the error (four-bars: up to 28 % more).
-SAVED = 2
 #: What fits into a C int.
 Count = Annotated[int, Field(gt=0, lt=2**31)]
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
 class PymunkEngine(CompiledEngine):
-    """Settings of the Pymunk model; the defaults are its best practice, ``out_of_the_box`` is Pymunk's own.
+    """Settings of the Pymunk model; the defaults are its best practice.
 
-    With ``joints`` = "fewest" Pymunk is given no joint that it can do without (see ``joints.plan``), and
-    masses at pins are balanced (see ``joints.balance``). With "all" every ideal pin and guide has a joint,
-    but for those that hold what a drive moves, and bodies have their own masses.
+    ``iterations`` is the number of Gauss-Seidel sweeps over joints and contacts in a step; without one there
+    are a hundred, or more where joints converge slowly (``model.sweeps_of``). What they leave of an open
+    joint has to stay below a half where ``error_bias``, the fraction of a joint's position error that is left
+    after a second, is 0: all of it is taken back in every step then. A crank-slider has nothing to gain from
+    more than ten, Andrews' squeezer needs 45 and a quick return 70. Between rigid walls impulses have to get
+    through the joints within one step, or a bounce is lost: ten lose up to 80 % of one at any step, 100 are
+    within 1e-3 of 400.
 
-    ``joint_order`` is the one in which sweeps meet the joints: pins and then guides, as in the file, or the
-    other way round. None converges faster: with two sweeps errors in all orders of the joints of set F are
-    within 2 % of each other, and those of Andrews' squeezer and of a V-twin within 1 % with their own sweeps.
+    With ``half_kick_start`` velocities begin half a step ahead. The scheme is then the leap-frog, of order 2:
+    the velocity stored after step k is that of t_k + dt/2. Reported at t_k are the places x_k, the mean of
+    the velocities before and after kick k, and the forces that follow from their change. Joints learn how
+    their paths curve from the gap that a step opens, so that kick 1 adds the half impulse that the start has
+    not; forces at steps 1 and 2 are therefore those of the state there. Without it all is as a user reads it
+    after step k, of order 1, and every ideal pin and guide has a joint. Forces at t = 0 are the start's.
 
-    ``iterations`` is the number of Gauss-Seidel sweeps over the joints in a step; without one, a scene gets
-    as many as leave at most ``sweeps_leave`` of an open joint (see ``joints.sweeps``, which has its default).
-    ``error_bias`` is the fraction of a joint's position error
-    left after a second: 0 takes all of it back in every step, which needs enough sweeps to be stable.
+    Loads and springs are set before every step, as Pymunk's manual has it, and so is a motion that is
+    prescribed with a changing speed. They are those of the places in the kick. What dampers feel is foreseen
+    from the last two kicks, while no pin touches, which keeps order 2 and takes steps below m/c.
 
-    With ``half_kick_start`` the run begins with a kick over dt/2 that moves nothing. The scheme is then the
-    leap-frog, of order 2: the velocity stored after step k is that of t_k + dt/2. Reported at t_k are x_k,
-    the mean of the velocities before and after kick k, and the forces that made kick k. The first three
-    kicks are an exception. The joints learn how their paths curve from the gap that a step opens; kick 0 sees
-    none, so it lacks the centripetal half impulse, which kick 1 adds to its own; kick 2 makes up for how the
-    path has changed. Their sum is right, and so is the motion, but none is the force of its time: the
-    accelerations at steps 0 to 2 are the parabola through those of steps 3 to 5, and forces (and the
-    velocities at steps 1 and 2) follow from them.
+    With ``contact`` = "as-scene" a compliant law is applied as a force in every kick and a rigid one is
+    Pymunk's native contact (``native_contact``); "rigid" makes the compliant ones native too, with the
+    restitution they name (see ``twin``). Rigid walls are of order 1, since a contact is noticed in the first
+    step that is past the wall, and so are laws with damping or friction, which know the speeds of half a step
+    before; Hertz's alone is of order 2. Forces are means over a step: a rigid impact's peak grows as 1/dt and
+    means nothing, its impulse does. At the kick that strikes a rigid wall the velocity reported is the one
+    before, and losses and work are those before.
 
-    Without it all is as a user reads it after step k, of order 1: x_k, the stored velocity, the forces that
-    made kick k, all taken as those of t_k. There is no kick at t = 0, so step 1's acceleration stands there.
-    Step 1 has no earlier impulses to start its sweeps from: forces at t = 0 and for some steps more are off
-    by what ten sweeps leave, however short the step, and with ``error_bias`` 0 also by kick 1's extra half.
+    With ``shorter_in_contact`` steps are that many times shorter in contact, and from two long steps before a
+    touch on, foreseen along straight lines. A kick's loads last from the middle of the step before it to the
+    middle of the one after, so that the order stays what it is. It pays where flights are long and contacts
+    brief; forces within two steps of a change are not those of their time. It is for compliant contacts, half
+    a kick at the start, and drives of constant speed.
 
-    Drives and loads. A prescribed motion is set before every step, and so are loads, springs and torques, as
-    Pymunk's manual has it (``inputs``). They are those of the positions in the kick. A damper of what moves
-    its body alone is implicit (``joints.dampers``): it acts on the mean velocity of a kick, in steps below
-    2 m/c, or without the half kick on the velocity after it, in any steps. What other dampers and tables over
-    a speed feel is foreseen from the last two kicks, which keeps order 2 and takes a step below m/c; without
-    the half kick it is what a user reads. A table's acceleration has kinks at its entries: in the two steps
-    after one forces are of order 1, and with few sweeps in some more.
-
-    Contacts. With ``contact`` = "as-scene" a compliant law is applied as a force in every kick
-    (``compliant_contact``) and a rigid one is Pymunk's native contact (``native_contact``); "rigid" makes the
-    compliant ones native too, with the restitution they name (see ``twin``). Rigid walls are of order 1,
-    since a contact is noticed in the first step that is past the wall, and so are laws with damping or
-    friction, which know the speeds of half a step before; Hertz's alone is of order 2. Forces at t_k are
-    impulses of kick k over dt, means over a step: a rigid impact's peak grows as 1/dt and means nothing, its
-    impulse does. At a kick that strikes a rigid wall (the first of a contact) the velocity reported is the
-    one before, and losses and work are those before.
-
-    Steps. Pymunk's manual advises steps of one length, which is the default. With ``shorter_in_contact`` they
-    are that many times shorter in contact, and from two long steps before a touch on, foreseen along straight
-    lines. The change is abrupt, as a joint answers to it for two steps, and a kick's loads last from the
-    middle of the step before it to the middle of the one after, so that the order stays what it is. Samples
-    between steps are interpolated (see ``samples.interpolated``), at that order. It pays
-    where flights are long and contacts brief; forces within two steps of a change are not those of their
-    time. It is for compliant contacts, half a kick at the start, and drives that know no step; all dampers
-    are foreseen then.
-
-    The other settings are for native contacts alone. ``contact_iterations`` are the sweeps of a step in
-    contact: impulses must get through the joints within one step, or a bounce is lost (in the free scenes ten
-    sweeps lose up to 80 % of one at any step; 100 are within 1e-3 of 400). ``collision_bias`` is the fraction
-    of a penetration left after a second, ``collision_slop_m`` the penetration left alone. Pymunk takes it
-    back by moving the two bodies with no regard for their joints, whose own correction turns that into
-    velocity. At 0 all of it is taken back within a step: a pin that follows its wall leaves it at every other
-    step, with 4 times the error and 12 times the energy residual of 1e-300, a rate of 690/s (set R, 0.1 mm,
-    e = 0.5, over a revolution at dt = 1.2e-7 s). The library's own rate, 6.3/s, lets the drift along the wall
-    add up: twice the error at 1e-6 s. ``collision_persistence`` is the number of steps that a contact is
-    remembered.
+    The rest is for native contacts. ``collision_bias`` is the fraction of a penetration left after a second,
+    ``collision_slop_m`` the penetration left alone. At a bias of 0 a pin that follows its wall leaves it at
+    every other step, with 4 times the error and 12 times the energy residual of 1e-300, a rate of 690/s (set
+    R, 0.1 mm, e = 0.5, over a revolution at dt = 1.2e-7 s); the library's own rate, 6.3/s, lets the drift
+    along the wall add up. ``collision_persistence`` is the number of steps that a contact is remembered.
     """
 
-    joints: Literal["fewest", "all"] = "fewest"
-    joint_order: Literal["pins-first", "reversed"] = "pins-first"
     iterations: Count | None = None
-    sweeps_leave: Annotated[float, Field(gt=0, lt=0.5)] | None = None
     shorter_in_contact: Annotated[float, Field(ge=1, le=16)] = 1.0
     error_bias: Annotated[float, Field(ge=0, lt=1)] = 0.0
     half_kick_start: bool = True
     contact: Literal["as-scene", "rigid"] = "as-scene"
-    contact_iterations: Count = 200
     collision_bias: Annotated[float, Field(ge=0, le=1)] = 1e-300
     collision_slop_m: Annotated[float, Field(ge=0)] = 0.0
     collision_persistence: Count = 1
     any_mechanism: ClassVar[bool] = True
-
-    @classmethod
-    def out_of_the_box(cls) -> "PymunkEngine":
-        """Return the engine as it is for a user who sets nothing."""
-        return cls(
-            joints="all",
-            iterations=LIBRARY_ITERATIONS,
-            error_bias=LIBRARY_ERROR_BIAS,
-            half_kick_start=False,
-            contact_iterations=LIBRARY_ITERATIONS,
-            collision_bias=LIBRARY_ERROR_BIAS,
-            collision_slop_m=LIBRARY_SLOP_M,
-            collision_persistence=LIBRARY_PERSISTENCE,
-        )
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene for a guide, or for a law without a restitution, that Pymunk cannot express.
 
         So is a scene without the steps asked for.
         """
-        plan_of(self.twin(scene).mechanism, self.joints == "fewest")
+        twin = self.twin(scene)
+        build(twin, np.zeros((len(twin.mechanism.bodies), 3)), all_joints=not self.half_kick_start)
 
     def twin(self, scene: Scene) -> Scene:
         """Return the scene itself, or with ``contact`` = "rigid" the same one with rigid laws throughout.
@@ -180,13 +123,17 @@ class PymunkEngine(CompiledEngine):
         Raises:
             UnsupportedScene: see ``check``.
             SimulationFailed: a joint came apart by more than a tenth of the longest lever, a pin went through
-                the wall of its bearing, the numbers overflowed, a damper is too strong for the step, or the
-                driver's speed changes within a step.
+                the wall of its bearing, the numbers overflowed, or the driver's speed changes within a step.
         """
         require_memory(scene, settings)
-        model = self._model(self.twin(scene), settings)
+        twin = self.twin(scene)
         with np.errstate(all="ignore"):  # overflow ends as a failure with its time, not as a warning
-            return unwound(scene, pymunk_run(model, settings))
+            loop = self._loop(twin, settings)
+            record = Record(twin, loop)
+            loop.run(record.every_step, record.take)
+            run = trajectory_of(record, loop.solve_time_s)
+            require_the_mechanism(twin, loop.model.groove_m, run.position, run.position[:1], run.time_s)
+            return unwound(scene, require_finite(run))
 
     def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the same steps, of which works and forces need nothing.
@@ -194,59 +141,27 @@ class PymunkEngine(CompiledEngine):
         Raises:
             UnsupportedScene, SimulationFailed: as ``simulate`` does.
         """
-        model = self._model(self.twin(scene), settings)
+        twin = self.twin(scene)
         with np.errstate(all="ignore"):
-            return pymunk_bare_run(model, settings)
+            loop = self._loop(twin, settings)
+            start = loop.positions()
+            loop.run()
+            end, end_s = loop.positions(), np.array([twin.end_time_s])
+            require_the_mechanism(twin, loop.model.groove_m, end[None], start[None], end_s)
+            return BareRun(loop.solve_time_s, end, loop.engine_time_s)
 
-    def _model(self, scene: Scene, settings: RunSettings) -> Model:
-        of, step_s = scene.mechanism, settings.step_used_s(scene.end_time_s)
-        require_followed(scene, step_s)
-        plan = plan_of(of, self.joints == "fewest")
-        if self.joint_order == "reversed":
-            plan = replace(plan, joints=plan.joints[::-1])
-        dampers = dampers_of(of, self.shorter_in_contact == 1)
-        require_damped(of, plan, dampers, step_s, self.half_kick_start)
+    def _loop(self, scene: Scene, settings: RunSettings) -> Loop:
+        require_followed(scene, settings.step_used_s(scene.end_time_s))
         start, velocity = checked_start(scene)
-        left = self.sweeps_leave or (LEFT_OVER_WITH_CONTACTS if scene.joints_with_clearance else LEFT_OVER)
-        heavier = partial(damped, dampers=dampers, damped_s=step_s / 2 if self.half_kick_start else step_s)
-        plan, convergence = self._settled(scene, plan, heavier, left)
-        sweeps = self.iterations or convergence.sweeps(left)
-        space, bodies = build(plan, of.gravity_m_s2, start, velocity, sweeps, self.error_bias)
+        model = build(scene, start, all_joints=not self.half_kick_start)
+        space = model.space
+        space.gravity = scene.mechanism.gravity_m_s2
+        space.iterations = self.iterations or sweeps_of(model.forces, start)
         space.collision_bias, space.collision_slop = self.collision_bias, self.collision_slop_m
         space.collision_persistence = self.collision_persistence
-        inputs = Inputs(of, plan, dampers)
-        workspace = Workspace(space, bodies, inputs, scene.clearances, self.contact_iterations)
-        return Model(
-            scene,
-            plan,
-            start,
-            space,
-            bodies,
-            inputs,
-            workspace,
-            convergence,
-            self.half_kick_start,
-            self.shorter_in_contact,
-        )
-
-    def _settled(
-        self, scene: Scene, plan: Plan, heavier: Callable[[Plan], Plan], left: float
-    ) -> tuple[Plan, Convergence]:
-        """Return the plan with dampers, balanced where that saves sweeps, and how these converge."""
-        own = heavier(plan)
-        if are_apart(plan):
-            return own, Convergence(0.0)
-        path = path_of(scene)
-        found = convergence_of(own, path)
-        rigid = any(room.law == "rigid" for room in scene.clearances.values())
-        sweeps = found.sweeps(left)
-        if self.joints == "all" or rigid or sweeps == 1:
-            return own, found
-        other = heavier(balanced(plan, path[::THINNED]))
-        faster = convergence_of(other, path)
-        saved = sweeps - faster.sweeps(left)
-        pays = saved >= (1 if scene.mechanism.drive.prescribes else SAVED)
-        return (other, faster) if pays else (own, found)
+        for joint in space.constraints:
+            joint.error_bias = self.error_bias
+        return Loop(scene, settings, model, velocity, self.half_kick_start, self.shorter_in_contact)
 
 
 def needs_one_step(scene: Scene) -> list[str]:

@@ -1,4 +1,4 @@
-"""A native contact of Pymunk between rigid walls: a circle in a circle, its contact rewritten, compiled.
+"""A native contact of Pymunk between rigid walls: a circle in a circle, whose contact is set anew.
 
 Pymunk knows no hollow circle: a pin's circle inside its bearing's overlaps it, and would be thrown out. Its
 contact is there in every step, though, and may be changed before it is solved. In flight it is ignored; past
@@ -11,69 +11,101 @@ however short the step, with 256 a step takes 0.7 ms. As everywhere in Pymunk, N
 Coulomb's friction know nothing of energy: an impact that turns the sliding round may create some (Kane 1984).
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pymunk
-from numba import types
-from numpy.typing import NDArray
-from pymunk._chipmunk_cffi import ffi, lib
-from pymunk.batch import ArbiterFields
 
-from engine_models.kernels import callback
-from engine_models.pymunk.compiled.native_callbacks import NATIVE, record, rewrite
-from engine_models.pymunk.exchange import STATE, Batch, address
+from engine_models.engine import FloatArray, UnsupportedScene
+from engine_models.pymunk.model import Model
 from engine_models.scene.format import Clearance
-from reference_solver.mechanism.data import Point
-
-#: Of a collision, a space and the handler's data.
-CALLBACK = types.void(types.uintp, types.uintp, types.uintp)
+from engine_models.scene.scene import Scene
+from reference_solver.mechanism.data import Pin
 
 
 class NativeContact:
-    """The two circles of a pin's contact in a space, and all memory that their collision's functions use."""
+    """The circles of a pin and its bearing in a space.
 
-    def __init__(
-        self,
-        space: pymunk.Space,
-        number: int,
-        clearance: Clearance,
-        ends: Sequence[tuple[pymunk.Body, Point]],
-        run: NDArray[Any],
-        record_of_pin: NDArray[Any],
-        kicks: NDArray[Any],
-    ) -> None:
-        """Add to a space the contact of a pin, by its ``number``, in its bearing.
+    It tells of the last step whether the wall ``pushes`` the pin; the impulses (2,) of that and of friction,
+    which acts 90 degrees counter-clockwise of the bearing's normal on the pin, in N s; the speed before at
+    which the pin went into the wall; and whether it has ever gone ``through`` it.
+    """
 
-        The ``ends`` are the bodies of bearing and pin with the places of both on them. ``run`` and
-        ``record_of_pin`` are records (1,).
-        """
-        (bearing_body, bearing_at), (pin_body, pin_at) = ends
-        radius = clearance.bearing_radius_m
-        bearing = pymunk.Circle(bearing_body, radius, bearing_at)
-        inside = pymunk.Circle(pin_body, radius - clearance.radial_clearance_m, pin_at)
-        kinds = 2 * number + 1, 2 * number + 2
-        for shape, kind in zip((bearing, inside), kinds, strict=True):
-            shape.collision_type = kind  # no mass: bodies have their own, and one set here would replace it
-            shape.filter = pymunk.ShapeFilter(categories=1 << number, mask=1 << number)
-            shape.elasticity = shape.friction = 1.0  # a pair's are the products of both
-        bearing.elasticity = clearance.restitution or 0.0
-        bearing.friction = clearance.friction.coefficient if clearance.friction is not None else 0.0
-        space.add(bearing, inside)
-        self._state, self._impulse = Batch(STATE, 12), Batch(ArbiterFields.TOTAL_IMPULSE, 2)
-        self._points, self._kept = ffi.new("cpContactPointSet *"), (run, record_of_pin, kicks)
-        native = self._record = np.zeros(1, NATIVE)
-        native["run"], native["pin"], native["kicks"] = (address(array) for array in self._kept)
-        native["bearing_body"], native["pin_body"] = (address(body._body) for body, _ in ends)
-        native["state"], native["at"] = self._state.record, address(self._state.numbers)
-        native["impulse"], native["impulse_at"] = self._impulse.record, address(self._impulse.numbers)
-        native["points"] = address(self._points)
-        native["closing_speed"] = clearance.minimum_impact_speed_m_s or 0.0
-        self._functions = callback(rewrite, CALLBACK), callback(record, CALLBACK)
-        handler = lib.cpSpaceAddCollisionHandler(space._space, *kinds)
-        handler.preSolveFunc, handler.postSolveFunc = (
-            ffi.cast(f"cpCollision{when}SolveFunc", function.address)
-            for when, function in zip(("Pre", "Post"), self._functions, strict=True)
+    def __init__(self, model: Model, number: int, pin: Pin, room: Clearance) -> None:
+        """Add the contact of a joint, by its number, to the model's space."""
+        ends, self._room = [model.end(pin.body_i, pin.point_i), model.end(pin.body_j, pin.point_j)], room
+        self._ends = ends[::-1] if pin.bearing_on_j else ends
+        self.impulse_N_s: FloatArray = np.zeros(2)
+        self.rate_m_s, self.through = 0.0, False
+        circles = []
+        for end, (body, point) in enumerate(self._ends):
+            circle = pymunk.Circle(body, room.bearing_radius_m - end * room.radial_clearance_m, point)
+            circle.collision_type = 2 * number + end + 1
+            circle.filter = pymunk.ShapeFilter(categories=1 << number, mask=1 << number)
+            circle.elasticity = circle.friction = 1.0  # a pair's are the products of both
+            circles.append(circle)
+        circles[0].elasticity = room.restitution or 0.0
+        circles[0].friction = room.friction.coefficient if room.friction is not None else 0.0
+        model.space.add(*circles)
+        bearing, inside = (circle.collision_type for circle in circles)
+        model.space.on_collision(bearing, inside, pre_solve=self._set_points, post_solve=self._keep_impulse)
+
+    @property
+    def pushes(self) -> bool:
+        """Whether the wall pushes the pin."""
+        return bool(self.impulse_N_s[0] > 0)
+
+    def _set_points(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
+        """Make of the circles' overlap the contact of a pin in a bearing, if there is one."""
+        (bearing, at_bearing), (pin, at_pin) = self._ends
+        centre, place = bearing.local_to_world(at_bearing), pin.local_to_world(at_pin)
+        gap, radius, c = place - centre, self._room.bearing_radius_m, self._room.radial_clearance_m
+        self.impulse_N_s[:] = 0.0
+        arbiter.process_collision = gap.length > c
+        if not arbiter.process_collision:
+            return
+        self.through = self.through or not gap.length <= radius
+        self._n = n = gap / gap.length
+        drift = pin.velocity_at_local_point(at_pin) - bearing.velocity_at_local_point(at_bearing)
+        self.rate_m_s = n.dot(drift)
+        contact = arbiter.contact_point_set
+        # Each wall has its own point: Pymunk takes the penetration from their distance.
+        contact.normal = -n
+        contact.points[0].point_a, contact.points[0].point_b = centre + radius * n, place + (radius - c) * n
+        arbiter.contact_point_set = contact
+        if self.rate_m_s < (self._room.minimum_impact_speed_m_s or 0.0):
+            arbiter.restitution = 0.0
+
+    def _keep_impulse(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
+        """Keep the impulse; Pymunk tells the one on the bearing."""
+        impulse = arbiter.total_impulse
+        self.impulse_N_s[:] = impulse.dot(self._n), impulse.cross(self._n)
+
+
+def rigid_twin(scene: Scene) -> Scene:
+    """Return the scene with rigid contact in every joint with clearance: same restitution, same friction.
+
+    Hertz's law and the linear one lose nothing, so theirs is 1. Pymunk's friction is Coulomb's, at any
+    sliding speed: the scene's regularised one is the nearest that a scene can say, with the same coefficient.
+
+    Raises:
+        UnsupportedScene: Kelvin-Voigt's restitution depends on the masses.
+    """
+    return scene.with_clearances({name: _rigid(name, room) for name, room in scene.clearances.items()})
+
+
+def _rigid(name: str, clearance: Clearance) -> Clearance:
+    if clearance.law == "rigid":
+        return clearance
+    if clearance.law == "kelvin-voigt":
+        raise UnsupportedScene(
+            f"pymunk with contact = rigid needs a restitution, kelvin-voigt names none (joint {name})"
         )
-        handler.userData = ffi.cast("void *", address(native))
+    return Clearance(
+        radial_clearance_m=clearance.radial_clearance_m,
+        bearing_radius_m=clearance.bearing_radius_m,
+        law="rigid",
+        restitution=1.0 if clearance.restitution is None else clearance.restitution,
+        friction=clearance.friction,
+        bearing=clearance.bearing,
+    )

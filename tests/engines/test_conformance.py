@@ -44,7 +44,7 @@ METHODS = {
     ("exudyn solver=GeneralizedAlpha", "everything"): 2,
     ("exudyn solver=RK44", "bead"): 4,  # explicit ones have no loops
     ("exudyn solver=DOPRI5", "bead"): None,
-    ("pymunk joints=all", "everything"): 2,
+    ("pymunk iterations=30", "everything"): 2,
     ("scipy method=LSODA", "everything"): None,
     ("scipy method=Radau", "everything"): None,
 }

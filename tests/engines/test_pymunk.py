@@ -1,4 +1,4 @@
-"""What only Pymunk has: native contacts, sweeps, steps shorter in contact, and a compiled loop."""
+"""What only Pymunk has: native contacts, sweeps, and steps shorter in contact."""
 
 import math
 from pathlib import Path
@@ -9,14 +9,13 @@ import pydantic
 import pymunk
 import pytest
 
+from engine_models.arms import OUT_OF_THE_BOX
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.energy import energy_balance_residual_J
-from engine_models.pymunk import self_test
-from engine_models.pymunk.compiled.chipmunk import FUNCTIONS
 from engine_models.pymunk.engine import PymunkEngine
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.format import Clearance
-from engine_models.scene.library import SCENES, ideal_driven, ideal_free, ideal_torque
+from engine_models.scene.library import SCENES, ideal_driven, ideal_free
 from engine_models.scene.scene import Scene
 from tests.engines.mechanism_texts import QUICK_RETURN, SCOTCH_YOKE
 from tests.engines.mechanism_texts import scene as mechanism
@@ -26,7 +25,7 @@ from tests.scenes import scene
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES = 20
-LIBRARY = PymunkEngine.out_of_the_box()
+LIBRARY = PymunkEngine(**OUT_OF_THE_BOX.settings)  # type: ignore[arg-type]
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
 DAMPED = SCENES["clearance-driven-damped"]()
 #: A contact is noticed up to a step late, by chance: an error is the mean square of several steps.
@@ -57,7 +56,7 @@ def mean_square(of: Scene, true: Trajectory, steps: float, **settings: Any) -> t
     return float(np.sqrt(np.mean(squares))), float(np.mean([one.steps for one in runs]))
 
 
-# The compiled loop against plain Pymunk: a crank-slider with clearance at B, by Python callbacks of its own.
+# Against plain Pymunk: a crank-slider with clearance at B, by callbacks of its own.
 
 STEPS, END_S, SWEEPS = 2000, 2e-3, 20
 
@@ -132,25 +131,6 @@ def test_bodies_move_as_in_a_loop_of_python_with_callbacks() -> None:
     assert len(own.contacts["B"].impacts.time_s) > 0
 
 
-def test_a_pymunk_with_other_functions_or_steps_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert self_test._misstep() is None
-
-    class Heavier(pymunk.Body):
-        def __init__(self, mass: float, moment: float) -> None:
-            super().__init__(mass, 2 * moment)
-
-    with monkeypatch.context() as patch:
-        patch.setattr("pymunk.Body", Heavier)
-        assert "a step: expected" in str(self_test._misstep())
-    self_test._unusable.cache_clear()
-    monkeypatch.setitem(FUNCTIONS, "cpSpaceStep", "void(*)(struct cpSpace *, float)")
-    with pytest.raises(
-        UnsupportedScene, match=r"^pymunk .*: cpSpaceStep: expected .*float.*, got .*double.*$"
-    ):
-        run(DAMPED, 10)
-    self_test._unusable.cache_clear()
-
-
 def test_asking_whether_a_scene_is_supported_compiles_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,19 +155,9 @@ def test_out_of_the_box_every_signal_converges_at_order_one_once_started(name: s
     assert off_order == {}
 
 
-@pytest.mark.parametrize("steps", [1001, 10001])
-def test_out_of_the_box_the_first_force_is_wrong_however_short_the_step(steps: int) -> None:
-    of = until(ideal_torque(), 0.01)
-    tuned, library = (joint_forces(run(of, steps, each, 1))[0, 1, 0] for each in (PymunkEngine(), LIBRARY))
-    true = joint_forces(exact(of, 1))[0, 1, 0]
-    # Round-off of a place of 0.17 m over the square of 1e-6 s, by coefficients of 10 to 15, on 0.14 kg.
-    assert tuned == pytest.approx(true, abs=2e-4)
-    assert 0.02 < abs(library / true - 1) < 0.1, f"out of the box {library:.6g} N, truth {true:.6g} N"
-
-
 def test_without_the_half_kick_a_full_correction_makes_the_first_force_half_too_large() -> None:
     of = until(ideal_driven(), 12e-5)
-    engine = PymunkEngine(joints="all", iterations=20, half_kick_start=False)
+    engine = PymunkEngine(iterations=20, half_kick_start=False)
     ratio = joint_forces(run(of, 12, engine, 12))[:, 1, 0] / joint_forces(exact(of, 12))[:, 1, 0]
     assert ratio[1] == pytest.approx(1.5, abs=0.01), ratio
     assert ratio[2:] == pytest.approx(1.0, abs=0.01), ratio
@@ -197,20 +167,11 @@ def motor(torque_N_m: float) -> dict[str, Any]:
     return {"drive": {"kind": "motor", "stall_torque_N_m": torque_N_m, "no_load_speed_rad_s": 60.0}}
 
 
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"load.slider.viscous_N_s_m": 1e5}, r"load.slider.viscous_N_s_m too .* below 2\.8e-06 s"),
-        (motor(6000.0), r"drive.motor too strong .* below 3\.95e-06 s"),
-    ],
-)
-def test_a_damper_too_strong_for_the_step_fails_in_one_line_and_runs_out_of_the_box(
-    changes: Any, reason: str
-) -> None:
-    of = until(ideal_free(), 0.01, **changes)
-    with pytest.raises(SimulationFailed, match=rf"^{reason}$"):
+def test_a_damper_too_strong_for_the_step_is_a_failure_with_its_time() -> None:
+    of = until(ideal_free(), 0.01, **motor(6000.0))
+    with pytest.raises(SimulationFailed, match=r"^[^\n]* at t = \S+ s[^\n]*$"):
         run(of, 200)
-    assert len(run(of, 200, LIBRARY).time_s) == SAMPLES + 1
+    assert run(of, 40_000).velocity[-1, 0, 2] == pytest.approx(60.0, abs=0.1), "the speed without a load"
 
 
 # Joints and sweeps.
@@ -225,13 +186,15 @@ def weighed(of: Scene, rod: float, slider: float) -> Scene:
 
 @pytest.mark.parametrize("of", [ideal_free(), ideal_driven()], ids=lambda of: of.name)
 @pytest.mark.parametrize(("rod", "slider"), [(1, 1), (1, 0.1), (1, 100), (100, 1)])
-def test_a_scene_gets_as_many_sweeps_as_its_joints_need_and_few(of: Scene, rod: float, slider: float) -> None:
+def test_a_scenes_own_sweeps_leave_nothing_to_gain_and_ten_of_these_masses(
+    of: Scene, rod: float, slider: float
+) -> None:
     of = weighed(of, rod, slider)
     true = exact(of, SAMPLES)
-    own, many = (off(run(of, 4800, PymunkEngine(iterations=n)), true) for n in (None, 1000))
-    assert own < 1.1 * many, "measured 1.03 and less"
-    if of.drive.kind == "free" and max(rod, slider) < 100:  # masses are balanced
-        assert own < 1.35 * off(run(of, 4800, PymunkEngine(joints="all")), true), "measured 1.2"
+    own, many = (off(run(of, 4800, PymunkEngine(iterations=n)), true) for n in (None, 2000))
+    assert own < 1.1 * many, (own, many)
+    if rod == slider == 1:
+        assert off(run(of, 4800, PymunkEngine(iterations=10)), true) < 1.1 * many
 
 
 OFF_LINE = QUICK_RETURN.replace('on = "lever" }', 'on = "lever", through_m = [0.0, 0.03] }')
@@ -246,20 +209,19 @@ ON_LEVER = QUICK_RETURN.replace("crank = 12.0 }", "} \nspeed_m_s = { slot = 0.2 
     [
         (SCOTCH_YOKE, "guide slot to keep crank from turning on yoke, got turns = true: .* of order 1"),
         (OFF_LINE, "guide slot to lead through the point about which lever turns, .* of order 1"),
-        (OFF_CENTRE, "guide slot to lead through the point about which lever turns, .* of order 1"),
+        (OFF_CENTRE, "guide slot to lead through the point about which block turns, .* of order 1"),
         (ON_LEVER, "drive.guide to be one on the ground, got slot on lever"),
     ],
 )
-@pytest.mark.parametrize("joints", ["fewest", "all"])
-def test_what_pymunk_does_not_express_is_refused_in_one_line(text: str, reason: str, joints: Any) -> None:
+def test_what_pymunk_does_not_express_is_refused_in_one_line(text: str, reason: str) -> None:
     with pytest.raises(UnsupportedScene, match=f"^pymunk: expected {reason}.*$"):
-        PymunkEngine(joints=joints).check(mechanism(text))
+        PymunkEngine().check(mechanism(text))
 
 
 def test_what_is_refused_of_guides_is_of_order_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("engine_models.pymunk.joints.plan.is_exact", lambda *_: True)
+    monkeypatch.setattr("engine_models.pymunk.model._leads_through", lambda *_: True)
     of = mechanism(OFF_LINE, end_time_s=0.1)
-    engine = PymunkEngine(joints="all", iterations=200)
+    engine = PymunkEngine(iterations=200)
     coarse, fine = (off(run(of, steps, engine), sharp(of)) for steps in (1000, 4000))
     assert np.log2(coarse / fine) / 2 == pytest.approx(1.0, abs=0.1)
 
@@ -267,10 +229,10 @@ def test_what_is_refused_of_guides_is_of_order_one(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(
     ("of", "engine", "steps"),
     [
-        (ideal_free(), PymunkEngine(joints="all", iterations=4), 6560),
+        (ideal_free(), PymunkEngine(iterations=4), 6560),
         (SCENES["clearance-pendulum"]().replace("start.crank_speed_rad_s", 1e9), PymunkEngine(), 1000),
-        # The joints come open before the rod is turned over: up to ten sweeps, and as many as are needed do.
-        (ideal_driven().replace("rod.length_m", 0.051), PymunkEngine(iterations=10), 20000),
+        # The joints come open before the rod is turned over.
+        (ideal_driven().replace("rod.length_m", 0.051), PymunkEngine(iterations=5), 20000),
     ],
 )
 def test_joints_that_come_open_are_a_failure_with_its_time(
@@ -366,7 +328,7 @@ def test_every_native_bounce_has_the_scenes_restitution(name: str, e: float) -> 
 def test_ten_sweeps_lose_the_bounces_of_the_free_scene_and_never_converge() -> None:
     of = until(SCENES["rigid-free-0.5mm"](), 0.02)
     impulse = {
-        n: run(of, 20_000, PymunkEngine(contact_iterations=n)).contacts["B"].impacts.normal_impulse_N_s[1]
+        n: run(of, 20_000, PymunkEngine(iterations=n)).contacts["B"].impacts.normal_impulse_N_s[1]
         for n in (10, 50, 100, 200, 400)
     }
     error = {n: abs(value / impulse[400] - 1) for n, value in impulse.items()}
@@ -407,7 +369,8 @@ def test_friction_stays_in_coulombs_cone_and_of_native_impacts_can_create_energy
         if engine is native:
             assert lost < -0.01 if of is three else lost > 0
             residual = np.abs(energy_balance_residual_J(of, own)).max()
-            assert residual < (1e-8 if of is three else 1e-5), "the ledger tells"
+            # The ledger takes one place for both walls, Pymunk each one's own: 2e-7 J of friction's loss.
+            assert residual < (1e-6 if of is three else 1e-5), "the ledger tells"
 
 
 def test_the_twin_of_a_native_contact_is_the_scene_with_rigid_walls() -> None:
@@ -446,7 +409,6 @@ def test_a_pin_that_goes_through_its_wall_is_a_failure_with_its_time(
         ("error_bias", (-0.1, 1.0, math.nan)),
         ("bias", (0.1,)),
         ("contact", ("soft",)),
-        ("contact_iterations", (0,)),
         ("collision_bias", (-0.1, 1.1, math.nan)),
         ("collision_slop_m", (-1e-6, math.inf)),
         ("collision_persistence", (0, 2**31)),

@@ -11,7 +11,7 @@ from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.motion import integral
 from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.mechanics.loads import load_forces
-from engine_models.pymunk.rigid_twin import rigid_twin
+from engine_models.pymunk.native_contact import rigid_twin
 from engine_models.reference import two_methods
 from engine_models.scene.format import Clearance
 from engine_models.scene.library import SCENES, ideal_driven

@@ -1,1 +1,0 @@
-"""What runs in every step of Pymunk, compiled by Numba."""

@@ -1,0 +1,196 @@
+"""The loop around ``space.step``: what is set before a step, and when steps are short."""
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+import pymunk
+from pymunk import batch
+
+from engine_models.engine import FloatArray, RunSettings, SimulationFailed
+from engine_models.minimal import equations as eq
+from engine_models.progress import tell
+from engine_models.pymunk import kicks
+from engine_models.pymunk.model import Model
+from engine_models.pymunk.native_contact import NativeContact
+from engine_models.scene.scene import Scene
+from reference_solver.mechanism.data import ConstantSpeed
+
+FIELDS = batch.BodyFields
+STATE = FIELDS.POSITION | FIELDS.ANGLE | FIELDS.VELOCITY | FIELDS.ANGULAR_VELOCITY
+LOADS = FIELDS.FORCE | FIELDS.TORQUE
+
+
+#: Takes the step's length, whether a pin touches in it, and whether it comes to a sample.
+Take = Callable[[float, bool, bool], None]
+#: Singular values below this part of the largest are zero, where rows depend on each other.
+ZERO = 1e-15
+
+
+class Loop:
+    """A run of a model from t = 0, in steps of one length or some times shorter in contact.
+
+    ``plan`` has the numbers of the present step (see ``kicks``), ``state`` (b, 6) the space's bodies, in
+    which body k of the mechanism has the row ``rows[k]``, and ``before`` (b, 3) the velocities before the
+    last kick. ``account`` fills the rest. ``solve_time_s`` is what the loop took, and ``engine_time_s`` how
+    much of that was spent inside ``space.step``.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        settings: RunSettings,
+        model: Model,
+        velocity: FloatArray,
+        half_kick: bool,
+        shorter: float,
+    ) -> None:
+        """Begin with velocities (bodies, 3) of the centres of mass."""
+        self.settings, self.model, self.half_kick = settings, model, half_kick
+        self.end_s, self.steps, self.solve_time_s, self.engine_time_s = scene.end_time_s, 0, 0.0, 0.0
+        self.forces = forces = model.forces
+        step_s, size, m = settings.step_used_s(self.end_s), forces.size, forces.rows
+        self.plan = np.zeros(9)
+        self.plan[[kicks.IN_FLIGHT, kicks.NEXT, kicks.IN_CONTACT]] = step_s, step_s, step_s / shorter
+        self.told = np.zeros(eq.OF_CONTACT * len(forces.phases) + len(forces.parts))
+        self.powers, (self.q, self.v, self.a) = np.zeros(len(forces.sums) + 1), np.zeros((3, size))
+        self.multipliers, self._right, self._matrix = np.zeros(m), np.zeros(m), np.zeros((m, m))
+        rooms = [scene.clearances[pin.name] for pin in forces.of.loose]
+        self.native = {
+            k: NativeContact(model, k, forces.of.loose[k], room)
+            for k, room in enumerate(rooms)
+            if room.law == "rigid"
+        }
+        drive = forces.of.drive
+        self._changes = drive.prescribes and not isinstance(drive.law, ConstantSpeed)
+        driven = model.bodies[drive.body]
+        self._driven, self._begin_at, self._begin_rad = driven, driven.position, driven.angle
+        self._loaded = bool(forces.parts or model.rotors)
+        self._looks = self._loaded or bool(rooms)
+        self._read, self._write, ids = batch.Buffer(), batch.Buffer(), batch.Buffer()
+        self._loads, self.before = np.zeros((2, size // 3, 3))
+        self._write.set_float_buf(self._loads)
+        batch.get_space_bodies(model.space, FIELDS.BODY_ID, ids)
+        order = [*memoryview(ids.int_buf()).cast("P")]
+        self.rows = np.array([order.index(body.id) for body in model.bodies])
+        model.set_velocities(velocity)
+        self._get()
+
+    def run(self, every_step: bool = False, take: Take | None = None) -> None:
+        """Go through all steps, of which the start, the samples or every one are taken.
+
+        Raises:
+            SimulationFailed: a pin goes through a wall, or numbers are not finite.
+        """
+        settings, plan, step = self.settings, self.plan, self.model.space.step
+        interval, varies = self.end_s / settings.samples, plan[kicks.IN_CONTACT] < plan[kicks.IN_FLIGHT]
+        self._begin(interval, take)
+        steps, step_s = settings.steps_per_sample(self.end_s), float(plan[kicks.NEXT])
+        coasts = not (self._looks or self._changes or every_step)
+        began = perf_counter()
+        for n in range(1, settings.samples + 1):
+            left = int(plan[kicks.STEPS]) if varies else steps
+            if coasts:  # nothing is to be set: a loop of steps alone
+                started = perf_counter()
+                for _ in range(left - 1):
+                    step(step_s)
+                self.engine_time_s += perf_counter() - started
+                self.steps, left = self.steps + left - 1, 1
+                self._get()
+            while left:
+                left -= 1
+                touching = self._step(n * interval - left * step_s, step_s, left * step_s or interval)
+                if take is not None and (every_step or not left):
+                    take(step_s, touching, not left)
+                if varies:
+                    step_s, left = float(plan[kicks.NEXT]), left and int(plan[kicks.STEPS])
+            if not np.isfinite(self.state).all():
+                raise SimulationFailed(
+                    f"non-finite state at t = {n * interval:.6g} s with step {step_s:.3g} s"
+                )
+            tell(n * interval)
+        self.solve_time_s = perf_counter() - began
+
+    def _begin(self, interval: float, take: Take | None) -> None:
+        """Take the start, and begin with the half kick there."""
+        plan = self.plan
+        if self._looks:
+            self._look(0.0, 0.0, interval)
+        self.before[:] = self.state[self.rows, 3:]
+        plan[kicks.KICK] = plan[kicks.NEXT] / 2.0
+        if take is not None:
+            take(0.0, False, True)
+        if self.half_kick:
+            self.account(kicks.STRAIGHT)
+            self.model.set_velocities((self.v + plan[kicks.KICK] * self.a).reshape(-1, 3))
+            plan[kicks.LAST_KICK] = plan[kicks.KICK]
+            self._get()
+
+    def positions(self) -> FloatArray:
+        """Return the positions (bodies, 3) of the centres of mass."""
+        self.account(kicks.KNOWN)
+        return np.array(self.q.reshape(-1, 3))
+
+    def account(self, given: int) -> None:
+        """Find what a kick was, and its reactions; the shortest where rows depend, as in a flat position."""
+        bodies = (self.before, self.state, self.rows, self.model.origin)
+        found = self.q, self.v, self.a, self.told, self.powers, self.multipliers, self._matrix, self._right
+        kicks.account(self.forces.p, self.plan, given, *bodies, *found)
+        if not np.isfinite(self.multipliers).all():
+            self.multipliers[:] = np.linalg.pinv(self._matrix, ZERO, hermitian=True) @ self._right
+            if self.forces.of.drive.prescribes:
+                speed = self.forces.motion(self.plan[[kicks.TIME]])[1, 0]
+                self.powers[len(self.forces.sums) - 1] = self.multipliers[-1] * speed
+
+    def _step(self, t: float, step_s: float, left_s: float) -> bool:
+        """Take a step to a time, from which there is some left to the next sample; return whether pins touch.
+
+        What is driven by another speed in every step is given that of half a step after t, and the place
+        from which it comes to its own at t.
+        """
+        space, acts = self.model.space, self._look(t, step_s, left_s)
+        if acts or self._loaded:
+            batch.set_space_bodies(space, LOADS, self._write)
+        if self._changes:
+            (way, _), (_, speed), _ = self.forces.motion(np.array([t, t + step_s / 2])).tolist()
+            behind, driven, of = way - step_s * speed, self._driven, self.forces.of
+            if of.drive.guide is None:
+                driven.angle, driven.angular_velocity = self._begin_rad + behind, speed
+            else:
+                along = pymunk.Vec2d(1.0, 0.0).rotated(of.guides[of.drive.guide].angle_rad)
+                driven.position, driven.velocity = self._begin_at + behind * along, speed * along
+        started = perf_counter()
+        space.step(step_s)
+        self.engine_time_s += perf_counter() - started
+        self.steps += 1
+        self._get()
+        for k, contact in self.native.items():
+            if contact.through:
+                self._fail(k, t)
+        if self.half_kick:
+            self.plan[kicks.LAST_KICK] = self.plan[kicks.KICK]
+        return acts == kicks.TOUCHING
+
+    def _look(self, t: float, step_s: float, left_s: float) -> int:
+        """Fill the loads of the kick at a time, and return what acts in it."""
+        self.plan[[kicks.TIME, kicks.STEP, kicks.LEFT]] = t, step_s, left_s
+        if not self._looks:
+            self.plan[kicks.KICK] = step_s
+            self.before[:] = self.state[self.rows, 3:]
+            return kicks.NOTHING
+        model, p = self.model, self.forces.p
+        bodies = self.state, self.before, self.rows, model.origin, model.lift_N
+        acts = int(kicks.look_ahead(p, self.plan, *bodies, self.told, self.powers, self._loads))
+        if acts >= kicks.THROUGH:
+            self._fail(acts - kicks.THROUGH, t)
+        return acts
+
+    def _get(self) -> None:
+        """Read the state of the space's bodies."""
+        self._read.clear()
+        batch.get_space_bodies(self.model.space, STATE, self._read)
+        self.state = np.frombuffer(self._read.float_buf(), np.float64).reshape(-1, 6)
+
+    def _fail(self, k: int, t: float) -> None:
+        name = self.forces.of.loose[k].name
+        raise SimulationFailed(f"pin through the wall of its bearing at joint {name} at t = {t:.6g} s")

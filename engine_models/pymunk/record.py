@@ -1,0 +1,136 @@
+"""What the kicks of a run tell at its samples: motion, forces, works and impacts."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from engine_models.engine import FloatArray, SimulationFailed
+from engine_models.mechanics.quality import open_by_m
+from engine_models.mechanics.states import lever_m, pin_gap, way
+from engine_models.minimal import equations as eq
+from engine_models.pymunk import kicks
+from engine_models.pymunk.loop import Loop
+from engine_models.scene.scene import Scene
+
+#: With a joint this many levers apart the bodies are no mechanism any more, and the run has failed.
+LOST_GAP = 0.1
+#: Kicks of a half-kick start that are not those of their time.
+ODD_KICKS = 2
+
+
+@dataclass
+class Touch:
+    """A contact that is on: its begin, approach speed and sums before, and its kicks: (t, force, depth)."""
+
+    time_s: float
+    speed_m_s: float
+    sums: FloatArray
+    trace: list[tuple[float, float, float]] = field(default_factory=list)
+
+
+class Record:
+    """What ``minimal.run.trajectory_of`` makes a trajectory of, from a run's start on.
+
+    A kick's forces act for its time, and half of its work is done at it, but for a native impact, which is
+    all to come, or all over where velocities are those after a step.
+    """
+
+    def __init__(self, scene: Scene, loop: Loop) -> None:
+        self.scene, self.model, self.times_s = scene, loop.forces, loop.settings.times_s(scene)
+        self.states, self.told, self.steps = list[FloatArray](), list[FloatArray](), 0
+        self.impacts: list[list[list[float]]] = [[] for _ in loop.forces.phases]
+        self._at_steps = bool(loop.settings.at_s)
+        self.every_step = bool(loop.forces.sums) or self._at_steps
+        self._loop, self._round_off = loop, 1e-9 * scene.end_time_s / loop.settings.samples
+        self._sums, self._touches = np.zeros(len(loop.forces.sums)), dict[int, Touch]()
+        self._last = 0.0, np.zeros(0), np.zeros(0)
+
+    def take(self, step_s: float, touching: bool, sample: bool) -> None:
+        """Take what a step has done: add up works, follow contacts, and keep a sample."""
+        loop, plan = self._loop, self._loop.plan
+        rates, struck, self.steps = loop.told[eq.RATE :: eq.OF_CONTACT].copy(), False, loop.steps
+        for k, contact in loop.native.items():
+            at = eq.OF_CONTACT * k
+            loop.told[at + eq.NORMAL], loop.told[at + eq.FRICTION] = contact.impulse_N_s / plan[kicks.KICK]
+            struck = struck or (contact.pushes and k not in self._touches)
+        odd = loop.steps <= ODD_KICKS * loop.half_kick
+        loop.account(kicks.CURVED if odd else kicks.KNOWN)
+        gain = plan[kicks.KICK] * loop.powers[: len(self._sums)]
+        if touching or struck or self._touches:
+            self._follow(rates)
+        to_come = float(loop.half_kick) if struck else 0.5
+        if not loop.steps:
+            to_come, gain = 1.0, gain * loop.half_kick
+        self._sums += gain
+        if sample or self._at_steps:
+            half = loop.a * plan[kicks.KICK] / 2
+            before, after = loop.v - half, loop.v + half
+            if loop.half_kick and loop.steps:
+                after = before if struck else before + loop.a * step_s / 2
+            self._keep(after if loop.steps else loop.v, self._sums - to_come * gain)
+
+    def _follow(self, rates: FloatArray) -> None:
+        """Follow the contacts through a kick: those that touch, and those that no longer do."""
+        loop, t = self._loop, float(self._loop.plan[kicks.TIME])
+        for k, phase in enumerate(self.model.phases[:, 0]):
+            told, native, touch = loop.told[eq.OF_CONTACT * k :], loop.native.get(k), self._touches.get(k)
+            c, sums = self.model.contacts[k, eq.C], self._sums[eq.OF_SUMS * k : eq.OF_SUMS * (k + 1)]
+            depth = float(2 * c * told[eq.ROOM] / (c + np.sqrt(c * c + 2 * c * told[eq.ROOM])))
+            if native.pushes if native else phase != eq.FLIGHT:
+                if touch is None:
+                    speed = native.rate_m_s if native else float(rates[k] * c / (c + depth))
+                    touch = self._touches[k] = Touch(t, speed, sums.copy())
+                touch.trace.append((t, float(told[eq.NORMAL]), depth))
+            elif touch is not None:
+                del self._touches[k]
+                impulse, *lost = (sums - touch.sums).tolist()
+                time_s, force, deep = np.transpose(touch.trace)
+                largest = [np.nan] * 4
+                if native is None:
+                    tops = force.argmax(), deep.argmax()
+                    largest = [force[tops[0]], time_s[tops[0]], deep[tops[1]], time_s[tops[1]]]
+                lasted = time_s[-1] - touch.time_s
+                self.impacts[k].append([touch.time_s, lasted, touch.speed_m_s, impulse, sum(lost), *largest])
+
+    def _keep(self, velocity: FloatArray, sums: FloatArray) -> None:
+        """Keep a sample, and those since the last kick, which are interpolated: places by cubics."""
+        loop, size, (before_s, y_0, told_0) = self._loop, self.model.size, self._last
+        t, y = float(loop.plan[kicks.TIME]), np.concatenate([loop.q, velocity, sums])
+        still = np.zeros(len(self.model.phases))
+        told = np.concatenate([velocity, loop.a, loop.multipliers, still, loop.told, [0.0, 0.0]])
+        self._last = t, y, told
+        while len(self.states) < len(self.times_s) and self.times_s[len(self.states)] <= t + self._round_off:
+            at, of_y, of_told = self.times_s[len(self.states)], y, told
+            if at < t - self._round_off:
+                h, x = t - before_s, (at - before_s) / (t - before_s)
+                of_y, of_told = y_0 + x * (y - y_0), told_0 + x * (told - told_0)
+                change = y[:size] - y_0[:size]
+                begin, stop = h * told_0[:size] - change, change - h * told[:size]
+                of_y[:size] += x * (1 - x) * ((1 - x) * begin + x * stop)
+            self.states.append(of_y)
+            self.told.append(of_told)
+
+
+def require_the_mechanism(
+    scene: Scene, groove_m: float, position: FloatArray, start: FloatArray, time_s: FloatArray
+) -> None:
+    """Check that positions (n, bodies, 3) at times (n,) are a scene's still, after the start (1, bodies, 3).
+
+    Raises:
+        SimulationFailed: at the first time when an ideal joint or guide is too far open or not finite, a body
+            is beyond the end of its groove, or a pin is through the wall of its bearing.
+    """
+    of, still = scene.mechanism, np.zeros_like(position)
+    worst = open_by_m(scene, position, start)
+    checks = [(worst <= LOST_GAP * lever_m(scene), "constraints lost, a joint is {gap:.3g} m apart,")]
+    for pin in of.loose:
+        radius = scene.clearances[pin.name].bearing_radius_m
+        within = np.hypot(*pin_gap(pin, position, still).gap_m.T) <= radius
+        checks.append((within, f"pin through the wall of its bearing at joint {pin.name}"))
+    for guide in of.guides:
+        on = np.abs(way(guide, position, still)[0]) <= groove_m
+        checks.append((on, f"body beyond the end of guide {guide.name}"))
+    failures = [(int(np.argmin(holds)), what) for holds, what in checks if not holds.all()]
+    if failures:
+        first, what = min(failures)
+        raise SimulationFailed(f"{what.format(gap=worst[first])} at t = {time_s[first]:.6g} s")
