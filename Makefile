@@ -38,11 +38,9 @@ types: .venv/.ready
 check: lint types test system accuracy
 	$(MAKE) planted SAMPLE=10
 
-# Time per step of the compiled kernel beside hand-written C, and of runs beside heyoka's, the limit of speed, where that
-# is installed (pip install heyoka).
+# Times of the reference beside heyoka's, the limit of speed (pip install heyoka).
 benchmark: .venv/.ready
-	$(BIN)/python -m tests.benchmarks.kernel
-	-$(BIN)/python -m tests.benchmarks.limit
+	$(BIN)/python -m tests.benchmarks.limit
 
 # Renew the quick set in reports/published from the committed code; a test recomputes it.
 publish: .venv/.ready

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from reference_solver.checks import require_not_negative
 from reference_solver.contact.force import contact_force, elastic_force, rates_of
-from reference_solver.contact.types import FLIGHT
 from reference_solver.contact.wall_friction import Rubbing, rubbed
 from reference_solver.contact.walls import sliding_row, wall_link
 from reference_solver.factorisation import Factors
@@ -27,6 +26,7 @@ from reference_solver.mechanism.loads import LOADS, Forces, integrated, power_of
 from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
+from reference_solver.run import FLIGHT
 from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, smaller, sqrt
 
 #: Phase and memory of every contact, (K, 2); None where all are in flight.
@@ -88,7 +88,7 @@ class Equations:
     ``q_start`` (n,) are the initial coordinates, from which g is measured. Pins of the contacts in
     ``following`` follow their rigid walls: each has a row more, g = (d.d - c^2)/2, behind all others. The
     ``phases`` that methods take are phase and memory (a/v0) of every contact, constant between events (see
-    ``contact.loop``); without them all contacts are in flight.
+    ``loop``); without them all contacts are in flight.
     """
 
     def __init__(

@@ -3,7 +3,7 @@
 What the mechanism does not contain does not occur: no zero entry, no absent load, no arm of a pin at a centre
 of mass. Its numbers are inputs, so that one compilation serves every mechanism of the same topology. All
 functions have one form (see ``machine_code``). A state y has q, q' and sums, gaps of the contacts
-(``contact.types.GAP_RECORD``), and for a step its length h and what rounding has taken from q and q'.
+(``run.Gap``), and for a step its length h and what rounding has taken from q and q'.
 """
 
 from __future__ import annotations
@@ -17,17 +17,16 @@ from itertools import count
 import numpy as np
 
 from reference_solver.contact.force import gap
-from reference_solver.contact.types import CONTACT_RECORD, GAP_RECORD, OLD, Run
 from reference_solver.equations import Answer, Baumgarte, Equations
+from reference_solver.impacts import rigid_joints, walls_at
 from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, known_numbers
 from reference_solver.mechanism.lifting import lifted, tables_in
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, step
-from reference_solver.rigid.walls import OF_WALL, rigid_joints, walls_at
+from reference_solver.run import CONTACT_RECORD, GAP_FIELDS, Run
 from reference_solver.tape import Array, FloatArray, Node, Scalar, Tape, Value, array, both, choose
 
-GAP_FIELDS = len(GAP_RECORD.names or ())
 #: Bodies beyond which a step calls ``rates`` and ``project`` in place of having them written out.
 LARGEST_INLINE = 16
 
@@ -62,11 +61,6 @@ class Topology:
         places = (table.placed(sum(sizes[k + 1 :])) for k, table in enumerate(tables))
         lifted((self.mechanism, self.baumgarte), numbers.append, placed=lambda _: next(places))
         return numbers, [number for table in tables for number in table.rows]
-
-    @property
-    def by_events(self) -> bool:
-        """Whether the loop that lands on events runs it: of contacts, or knots of motions and loads."""
-        return self.mechanism.has_knots or bool(self.mechanism.contacts or self.mechanism.gas)
 
     def equations_on(self, tape: Tape) -> Equations:
         """Return the equations on a tape, with the raw numbers as inputs r0, r1, ..., known before a run."""
@@ -177,11 +171,9 @@ def mobilities(given: Given) -> list[Scalar]:
 
 
 def walls(given: Given) -> list[Scalar]:
-    """What rigid walls have to know (see ``rigid.walls``): numbers of every joint, then the arrays."""
+    """What rigid walls have to know (see ``impacts.walls_at``)."""
     answer = given.equations.answer(given.t, given.q, given.v, given.phases)
-    joints, arrays = walls_at(given.equations, answer, given.t, given.q, given.v)
-    numbers = [joint[name] for joint in joints for name in OF_WALL]
-    return [*numbers, *(x for part in arrays.values() for x in np.asarray(part).ravel()), answer.condition]
+    return [*walls_at(given.equations, answer, given.t, given.q, given.v), answer.condition]
 
 
 def stepped(given: Given) -> list[Scalar]:
@@ -286,16 +278,11 @@ class Kernel:
 
     def bind(self, run: Run) -> None:
         """Have a run call these functions."""
-        run.clock["p"] = self.p
+        run.state["p"] = self.p
+        if "walls" in self._by_name:
+            run.state["walls_p"] = self.p
         for name, function in self._by_name.items():
-            if name != "walls":
-                run.clock[name] = function.address
-
-    def set_gaps(self, run: Run) -> None:
-        """Set the contacts' gaps of a run's motion at its present time."""
-        (now,), y = run.clock, run.slopes[OLD]
-        gaps = y[len(run.old.y) :]
-        self["gaps"](self.p, run.contacts.ctypes.data, float(now["time"]), y, gaps)
+            run.state["step_function" if name == "step" else name] = function.address
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.contact.types import FLIGHT, Impact
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State, ends_of
+from reference_solver.run import FLIGHT, REBOUND, RELEASE, SUPPORT, Impact
 from reference_solver.tape import FloatArray, RecordArray
 
 #: What a contact dissipates by (see ``contact.force.rates_of``).
 LOSSES = ("loss", "clip", "slide", "impact", "closing")
+#: What an event that ends a contact tells of it.
+ENDED = ("approach", "impulse", "lost")
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class Solution:
     """The motion of a mechanism with n coordinates, m constraint rows and K contacts, at s times.
 
     ``time_s`` (s,), ``q`` and ``v`` (s, n), ``multipliers`` (s, m) by the rows of [B] (see ``row_slices``).
-    ``phases`` (s, K, 2) are phase and memory of every contact (see ``contact.types``). ``normal_force_N`` and
+    ``phases`` (s, K, 2) are phase and memory of every contact (see ``run``). ``normal_force_N`` and
     ``friction_force_N`` (s, K) are without impulses: the one presses the pin inwards, the other is on the pin
     along t.
 
@@ -40,7 +42,7 @@ class Solution:
     "slidek" by friction; "removed" is what the stabilisation has removed, negative where it has added some:
     by projection or by Baumgarte's feedback (see ``Equations``).
 
-    ``events`` (E,) is the log (see ``contact.types.EVENT_RECORD``) of compliant contacts, ``impacts`` are in
+    ``events`` (E,) is the log (see ``run.EVENT_RECORD``) of compliant contacts, ``impacts`` are in
     the order of the contacts' ends; ``mode_changes`` are those of pins on rigid walls; ``steps`` counts all
     steps taken, and ``solve_time_s`` is the wall time of the loops that took them. ``condition`` is the worst
     condition number of the constraints at any stage of a step, as ``factorisation.Factors`` has it: round-off
@@ -107,7 +109,7 @@ class Solution:
 
 
 def columns_of(samples: FloatArray, n: int, names: list[str], contacts: int) -> dict[str, Any]:
-    """Return what rows of samples (s, w) have for a ``Solution`` (see ``contact.types.Records``).
+    """Return what rows of samples (s, w) have for a ``Solution`` (see ``run.Run``).
 
     They are of n coordinates, and of sums by their names.
     """
@@ -126,15 +128,15 @@ def columns_of(samples: FloatArray, n: int, names: list[str], contacts: int) -> 
     }
 
 
-def contact_impacts(events: RecordArray, sums: FloatArray, names: list[str], contact: int) -> list[Impact]:
-    """Return a compliant contact's ends from the log (E,) and what had been added up by then, (E, names)."""
-    ends = np.flatnonzero((events["contact"] == contact) & (np.abs(events["what"]) == 1))
-    touches, releases = ends[: len(ends) // 2 * 2].reshape(-1, 2).T
-    change, began = sums[releases] - sums[touches], events["time_s"][touches]
-    lost = sum(change[:, names.index(f"{of}{contact}")] for of in LOSSES if f"{of}{contact}" in names)
-    impulse, unknown = change[:, names.index(f"normal{contact}")], np.full(len(began), np.nan)
-    duration, speed = events["time_s"][releases] - began, events["rate"][touches]
-    largest = (events[name][releases] for name in ("force", "force_s", "deepest", "deepest_s"))
-    columns = (began, duration, speed, impulse, unknown, lost, unknown, *largest)
-    rows = zip(*(np.asarray(column).tolist() for column in columns), strict=True)
-    return [Impact(t, contact, "contact", *rest) for t, *rest in rows]
+def impacts_in(events: RecordArray) -> list[Impact]:
+    """Return the compliant contacts that are over and the rebounds from rigid walls, of a log (E,)."""
+    impacts, nan = list[Impact](), np.nan
+    for e in events[np.isin(events["what"], (RELEASE, REBOUND, SUPPORT))]:
+        t, k, speed, impulse, lost = (e[name].item() for name in ("time_s", "contact", *ENDED))
+        if e["what"] != RELEASE:
+            kind = "impact" if e["what"] == REBOUND else "support"
+            impacts.append(Impact(t, k, kind, 0.0, speed, impulse, 0.0, lost, float(e["mass"])))
+            continue
+        began, *largest = (float(e[name]) for name in ("began_s", "force", "force_s", "deepest", "deepest_s"))
+        impacts.append(Impact(began, k, "contact", t - began, speed, impulse, nan, lost, nan, *largest))
+    return impacts

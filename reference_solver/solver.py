@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Literal
 
@@ -11,21 +10,35 @@ import numpy as np
 
 from reference_solver import failures
 from reference_solver.checks import POSITIVE, is_count, is_number, require, require_positive, require_vector
-from reference_solver.contact import types
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.guard import Guard
-from reference_solver.mechanism.contact_laws import RigidWall, steepest
-from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
+from reference_solver.impacts import Impacts
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853, dopri5, step
-from reference_solver.solution import Solution, columns_of, contact_impacts
+from reference_solver.run import (
+    CONTACT,
+    DONE,
+    FAILED,
+    FLIGHT,
+    FULL,
+    OLD,
+    REBOUND,
+    SPENT,
+    START,
+    WALL,
+    WEIGHT,
+    Gap,
+    Run,
+    new_run,
+)
+from reference_solver.solution import Solution, columns_of, impacts_in
 from reference_solver.tape import FloatArray, RecordArray
 
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
     from reference_solver.kernel import Kernel
-    from reference_solver.rigid.bouncing import Bouncing
 
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
@@ -41,9 +54,10 @@ Tell = Callable[[float], None]
 START_TOLERANCE = 1e-9
 #: Fewer steps do not follow a contact.
 FEWEST_STEPS_PER_CONTACT = 10.0
-#: Events, and evaluations of {A} times coordinates, per call of a loop: a fraction of a second, to answer an
-#: interrupt.
-LOG_ROWS, CHUNK = 256, 8_000_000
+#: Evaluations of {A} times coordinates per call of the loop: a fraction of a second, to answer an interrupt.
+CHUNK = 8_000_000
+#: How far a sample may be past the end of a step of one length, as a part of that.
+SLACK = 1e-9
 #: The first step by error control, as a part of the mechanism's own time, and the first of a contact, as a
 #: part of its duration; both are found anew from there.
 FIRST_STEP, FIRST_PART_OF_CONTACT = 1e-3, 0.02
@@ -55,7 +69,7 @@ class StepChoice:
 
     Without ``locate_events`` every step has the length ``longest_s`` and a contact begins and ends with a
     step: the plain algorithm, for comparison. Pins before rigid walls bounce until a flight would be shorter
-    than the part ``closing_flight_fraction`` of the longest step (see ``rigid.settling``); or, where
+    than the part ``closing_flight_fraction`` of the longest step (see ``impacts``); or, where
     ``lowest_flight`` is given, to heights of so many times the distance's round-off.
     """
 
@@ -168,13 +182,8 @@ class Solver:
         self._method = METHODS[choice.method]() if isinstance(choice, ErrorControl) else RK4
         self._kernels: dict[tuple[int, ...], Kernel] = {}
         self.steps = self.settled = 0
-        # Loops are compiled or loaded here and not in the run: a run of no length does it.
-        run = self._new(self._q_start, np.zeros_like(self._q_start), np.zeros(1), 0.0, 1.0)
-        self._gaps(run)
-        bouncing = self._bouncing(run)
-        if bouncing is not None:
-            self._settle(run, bouncing)
-        self._loop(run, bouncing)()
+        # The loop is compiled or loaded here and not in the run: a run of no length does it.
+        self._advance(self._new(self._q_start, np.zeros_like(self._q_start), np.zeros(1), 0.0, 1.0))
 
     def _kernel(self, following: tuple[int, ...]) -> "Kernel":
         from reference_solver.kernel import Kernel, Topology
@@ -191,72 +200,62 @@ class Solver:
 
     def _new(
         self, q: FloatArray, v: FloatArray, times: FloatArray, end_time_s: float, interval_s: float
-    ) -> types.Run:
+    ) -> Run:
         """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
-        contacts = np.array([contact_record(joint) for joint in self._joints], types.CONTACT_RECORD)
-        sizes = len(q), len(self._names), len(self._equations.C)
-        knots, kernel = self._mechanism.knots_by_angle, self._kernel(())
-        run = types.new_run(self._method, contacts, sizes, times, LOG_ROWS, knots)
+        sizes, kernel = (len(q), len(self._equations.C)), self._kernel(())
+        knots = self._mechanism.knots_by_angle
+        run = new_run(self._method, self._joints, self._names, sizes, times, knots)
         kernel.bind(run)
-        run.old.q[:], run.old.v[:] = q, v
-        set_out(run, self._mechanism, self._choice, kernel, end_time_s, interval_s)
+        run.q[:], run.v[:] = q, v
+        kernel["rates"](kernel.p, run.contacts.ctypes.data, 0.0, run.rows[OLD], run.rows[START])
+        n, (state,) = len(q), run.state
+        scales = scales_of(self._mechanism, run.q, run.v, run.rows[START, n : 2 * n], end_time_s)
+        state["length"], state["rate"] = scales.length_m, scales.rate_s
+        state["longest"], state["end"] = self._choice.longest_s, end_time_s
+        state["lowest"] = self._choice.lowest_flight or LOWEST_FLIGHT
+        if isinstance(self._choice, ErrorControl):
+            self._set_control(run, self._choice.tolerance)
+        else:
+            self._set_lengths(run, self._choice, end_time_s, interval_s)
         return run
 
-    def _shortest_flight_s(self, run: types.Run) -> float:
-        """Return the flight between rigid walls that is not followed any more, if heights do not decide."""
-        if self._choice.lowest_flight is not None:
-            return 0.0
-        if isinstance(self._choice, StepChoice):
-            return self._choice.closing_flight_fraction * float(run.clock["longest"][0])
-        # A flight of this height, if pins are pushed on by the mechanism's own accelerations.
-        return float(np.sqrt(8.0 * self._choice.tolerance) * run.control["step"][0] / FIRST_STEP)
+    def _set_control(self, run: Run, tolerance: float) -> None:
+        """Set error control by the mechanism's scales at a run's start."""
+        n, (state,) = len(run.q), run.state
+        rate = float(state["rate"])
+        weights = 1.0 / (tolerance * np.tile([state["length"], state["length"], 1.0], n // 3))
+        run.rows[WEIGHT, : 2 * n] = np.concatenate([weights, weights / rate])
+        state["controlled"], state["located"], state["tolerance"] = 1, 1, tolerance
+        state["step"] = state["flight_step"] = FIRST_STEP / rate
+        state["first_part"] = FIRST_PART_OF_CONTACT
+        if self._choice.lowest_flight is None:
+            # A flight of this height, if pins are pushed on by the mechanism's own accelerations.
+            state["shortest_s"] = np.sqrt(8.0 * tolerance) / rate
 
-    def _gaps(self, run: types.Run) -> None:
-        """Set the contacts' gaps of a run's motion at its start."""
-        self._kernel(()).set_gaps(run)
+    def _set_lengths(self, run: Run, choice: StepChoice, end_time_s: float, interval_s: float) -> None:
+        """Set the lengths of steps of RK4; where all have one, the samples' interval is a multiple of it."""
+        (state,) = run.state
+        state["per_contact"], state["located"] = choice.steps_per_contact, self._by_events
+        if choice.lowest_flight is None:
+            state["shortest_s"] = choice.closing_flight_fraction * choice.longest_s
+        if not self._by_events:
+            intervals = max(1, round(end_time_s / interval_s))  # the step is the same for all that it fits
+            steps = intervals * np.ceil(interval_s / choice.longest_s * (1 - 1e-9))
+            state["longest"] = (end_time_s or interval_s) / steps
+            state["slack"] = SLACK * state["longest"]
 
-    def _bouncing(self, run: types.Run) -> "Bouncing | None":
-        """Return the events on rigid walls of a run that is to begin; None without rigid walls."""
-        if not self._rigid:
-            return None
-        from reference_solver.rigid.bouncing import Bouncing
+    @property
+    def _by_events(self) -> bool:
+        """Whether contacts' events are located, so that steps have any length."""
+        located = isinstance(self._choice, ErrorControl) or self._choice.locate_events
+        return bool(self._joints) and located
 
-        lowest, shortest_s = self._choice.lowest_flight or LOWEST_FLIGHT, self._shortest_flight_s(run)
-        kernel = self._kernel(())
-        look = kernel["walls"].address
-        return Bouncing(self._equations, self._names, look, kernel.p, shortest_s, lowest)
+    def _advance(self, run: Run) -> int:
+        """Advance a run from its present state on; return how that ended."""
+        from reference_solver.loop import advance
 
-    def _settle(self, run: types.Run, bouncing: "Bouncing") -> int:
-        """Settle an event on rigid walls, no pin following."""
-        bouncing.settling.control["alone"] = 1
-        return int(self._loop(run, bouncing)())
-
-    def _loop(self, run: types.Run, bouncing: "Bouncing | None") -> Callable[[], int]:
-        """Return what advances a run from its present state on: all that is timed of a run."""
-        from reference_solver.contact import adaptive_loop, loop, smooth_loop
-
-        kernel = self._kernel(() if bouncing is None else bouncing.following)
-        kernel.bind(run)
-        parts, controlled = types.plain(run), isinstance(self._choice, ErrorControl)
-        if bouncing is not None:
-            from reference_solver.rigid.loop import bounce_by_error, bounce_by_steps
-
-            bounce = bounce_by_error if controlled else bounce_by_steps
-            return partial(bounce, parts, types.plain(bouncing.settling))
-        if controlled:
-            return partial(adaptive_loop.advance if self._joints else smooth_loop.advance, parts)
-        if kernel.topology.by_events:
-            return partial(loop.advance, parts)
-
-        def advance() -> int:
-            from reference_solver.crossing import crossed
-
-            status = int(loop.advance_equally(parts))
-            while status == types.FAILED and crossed(kernel, run, float(run.clock["longest"][0])):
-                status = int(loop.advance_equally(parts))
-            return status
-
-        return advance
+        contacts = run.contacts if self._joints else None
+        return int(advance(run.state, run.rows, contacts, run.knots, run.times, run.samples))
 
     def run(
         self,
@@ -275,64 +274,63 @@ class Solver:
         require_run(end_time_s, samples)
         times = np.linspace(0.0, end_time_s, samples + 1) if times_s is None else times_s
         run = self._new(q, v, times, end_time_s, end_time_s / samples)
-        motion, records, now = run.old, run.records, run.clock[0]
+        (state,), events = run.state, list[RecordArray]()
         self.steps = self.settled = 0
-        events, sums = [np.zeros(0, types.EVENT_RECORD)], [np.zeros((0, len(self._names)))]
-        knots = (t for t in self._mechanism.knots_s(float(now["longest"])) if 0 < t < end_time_s)
+        knots = (t for t in self._mechanism.knots_s(float(state["longest"])) if 0 < t < end_time_s)
         landings = chain(knots, [end_time_s])  # steps end where prescribed motions are not smooth
-        now["end"] = next(landings)
-        status, bouncing, took = types.SPENT, self._bouncing(run), 0.0
-        self._gaps(run)
-        if bouncing is not None:
-            self._settle_first(bouncing, run)
-        while status != types.DONE:
-            following = () if bouncing is None else bouncing.following
-            begin, chunk = float(now["time"]), self._chunk
-            now["events"], now["budget"] = 0, now["steps"] + chunk
-            advance = self._loop(run, bouncing)
+        state["end"] = next(landings)
+        kernel = self._kernel(())
+        impacts = Impacts(self._equations, self._names, kernel["walls"], kernel.p) if self._rigid else None
+        if impacts is not None:
+            self._resolve_first(impacts, run)
+        status, took = SPENT, 0.0
+        while status != DONE:
+            following = () if impacts is None else impacts.following
+            begin, chunk = float(state["time"]), self._chunk
+            state["logged"], state["budget"] = 0, state["steps"] + chunk
+            self._kernel(following).bind(run)
             started = time.perf_counter()
-            status = advance()
+            status = self._advance(run)
+            if impacts is not None and status == WALL:
+                impacts.resolve(run)
             took += time.perf_counter() - started
-            if bouncing is not None:
-                bouncing.take(run, status)
-            self.steps, self.settled = int(now["steps"]), 0 if bouncing is None else bouncing.settled
-            tell(float(now["time"]))
-            events.append(records.events[: now["events"]].copy())
-            sums.append(records.event_sums[: now["events"]].copy())
-            if status == types.FAILED:
+            events.append(state["events"][: state["logged"]].copy())
+            self.steps, self.settled = int(state["steps"]), 0 if impacts is None else impacts.resolved
+            tell(float(state["time"]))
+            if status == FAILED:
                 self._refuse(following, run)
-            if status in (types.SPENT, types.FULL) and now["time"] == begin:
+            if status in (SPENT, FULL) and state["time"] == begin:
                 raise failures.Stalled(begin, chunk)
-            if status == types.DONE and now["end"] < end_time_s:
-                now["end"], status = next(landings), types.GO
-        if not (np.isfinite(motion.q).all() and np.isfinite(motion.v).all()):
-            raise failures.NonFiniteState(end_time_s, float(now["longest"]))
-        solution = self._solution(run, np.concatenate(events), np.concatenate(sums), bouncing, took)
-        scales = Scales(float(run.control["length"][0]), float(run.control["rate"][0]))
+            if status == DONE and state["end"] < end_time_s:
+                state["end"], status = next(landings), SPENT
+        if not (np.isfinite(run.q).all() and np.isfinite(run.v).all()):
+            raise failures.NonFiniteState(end_time_s, float(state["longest"]))
+        solution = self._solution(run, np.concatenate(events), impacts, took)
+        scales = Scales(float(state["length"]), float(state["rate"]))
         tolerance = self._choice.tolerance if isinstance(self._choice, ErrorControl) else None
-        guard = Guard(solution, scales, float(now["longest"]), tolerance)
+        guard = Guard(solution, scales, float(state["longest"]), tolerance)
         guard.check_energy()
         if not self._projected:
-            guard.check_drift(self._equations, float(now["least"]))
+            guard.check_drift(self._equations, float(state["least"]))
         return solution
 
-    def _settle_first(self, bouncing: "Bouncing", run: types.Run) -> None:
-        """Settle at t = 0, while compliant contacts that begin closed push; the loop notes their touch."""
-        contacts, gaps = run.contacts, run.old.gaps
-        closed = (contacts["rigid"] == 0) & (gaps["g"] > 0)
-        speed = np.maximum(gaps["rate"], contacts["slowest"])[closed]
-        contacts["phase"][closed] = types.CONTACT
+    def _resolve_first(self, impacts: Impacts, run: Run) -> None:
+        """Resolve events at t = 0, while compliant contacts that begin closed push: the loop notes them."""
+        kernel, contacts = self._kernel(()), run.contacts
+        gaps = np.zeros((len(contacts), len(Gap._fields)))
+        kernel["gaps"](kernel.p, contacts.ctypes.data, 0.0, run.rows[OLD], gaps)
+        closed = (contacts["rigid"] == 0) & (gaps[:, 0] > 0)
+        speed = np.maximum(gaps[:, 1], contacts["slowest"])[closed]
+        contacts["phase"][closed] = CONTACT
         contacts["memory"][closed] = contacts["factor"][closed] / speed
-        status = self._settle(run, bouncing)
-        contacts["phase"][closed], contacts["memory"][closed] = types.FLIGHT, 0.0
-        bouncing.take(run, status)
+        impacts.resolve(run)
+        contacts["phase"][closed], contacts["memory"][closed] = FLIGHT, 0.0
 
-    def _refuse(self, following: tuple[int, ...], run: types.Run) -> None:
+    def _refuse(self, following: tuple[int, ...], run: Run) -> None:
         """Say why the step tried last could not be taken, by the equations in numbers."""
-        t, h, (n, y, _) = float(run.clock["time"][0]), float(run.clock["tried"][0]), run.old
+        t, h, q, v = float(run.state["time"][0]), float(run.state["tried"][0]), run.q, run.v
         equations = Equations(self._mechanism, self._q_start, self._baumgarte, following)
         phases = np.column_stack([run.contacts["phase"], run.contacts["memory"]])
-        q, v = y[:n], y[n : 2 * n]
 
         def answer(t: float, q: FloatArray, v: FloatArray) -> Answer:
             return equations.required(t, q, v, phases, h, self._method)
@@ -352,81 +350,21 @@ class Solver:
             raise failures.NearSingular(t, h, float(after.condition))
         raise failures.NonFiniteState(t + h, h)
 
-    def _solution(
-        self,
-        run: types.Run,
-        events: RecordArray,
-        event_sums: FloatArray,
-        bouncing: "Bouncing | None",
-        took_s: float,
-    ) -> Solution:
-        compliant = (k for k, joint in enumerate(self._joints) if not joint.rigid)
-        ended = [i for k in compliant for i in contact_impacts(events, event_sums, self._names, k)]
-        hit, changes = ([], []) if bouncing is None else (bouncing.impacts, bouncing.changes)
+    def _solution(self, run: Run, events: RecordArray, impacts: Impacts | None, took_s: float) -> Solution:
+        happened = impacts_in(events)
+        if impacts is not None:
+            happened = sorted([*happened, *impacts.impacts], key=lambda i: i.time_s + i.duration_s)
         return Solution(
             mechanism=self._mechanism,
-            time_s=run.records.time,
-            **columns_of(run.records.samples, run.old.n, self._names, len(self._joints)),
-            events=events,
-            impacts=tuple(sorted([*hit, *ended], key=lambda i: i.time_s + i.duration_s)),
-            mode_changes=tuple(changes),
+            time_s=run.times,
+            **columns_of(run.samples, len(run.q), self._names, len(self._joints)),
+            events=events[events["what"] < REBOUND],
+            impacts=tuple(happened),
+            mode_changes=() if impacts is None else tuple(impacts.changes),
             steps=self.steps,
             solve_time_s=took_s,
-            condition=float(run.clock["condition"][0]),
+            condition=float(run.state["condition"][0]),
         )
-
-
-def set_out(
-    run: types.Run,
-    mechanism: Mechanism,
-    choice: StepChoice | ErrorControl,
-    kernel: "Kernel",
-    end_time_s: float,
-    interval_s: float,
-) -> None:
-    """Set clock and control of a run of zeros whose motion and contacts are those of its start.
-
-    ``kernel`` tells the accelerations there. Steps of one length land on multiples of ``interval_s``.
-    """
-    (now,), (n, y, _) = run.clock, run.old
-    now["longest"], now["end"], now["rigid"], now["condition"] = choice.longest_s, end_time_s, -1, 1.0
-    now["least"] = np.inf
-    kernel["rates"](kernel.p, run.contacts.ctypes.data, 0.0, y, run.slopes[types.START])
-    a = run.slopes[types.START, n : 2 * n]
-    scales = scales_of(mechanism, run.old.q, run.old.v, a, end_time_s)
-    run.control["length"], run.control["rate"] = scales.length_m, scales.rate_s
-    if isinstance(choice, ErrorControl):
-        set_control(run, choice, scales)
-        return
-    now["per_contact"], now["located"] = choice.steps_per_contact, run.contacts.size and choice.locate_events
-    if not now["located"]:
-        now["interval"] = interval_s
-        intervals = max(1, round(end_time_s / interval_s))  # the step is the same for all that it fits
-        steps = intervals * np.ceil(interval_s / choice.longest_s * (1 - 1e-9))
-        now["longest"] = (end_time_s or interval_s) / steps
-
-
-def set_control(run: types.Run, choice: ErrorControl, scales: Scales) -> None:
-    """Set error control by the mechanism's scales at a run's start."""
-    from reference_solver.contact.types import WEIGHT
-
-    n = run.old.n
-    tolerances = choice.tolerance * np.tile([scales.length_m, scales.length_m, 1.0], n // 3)
-    first, part = FIRST_STEP / scales.rate_s, FIRST_PART_OF_CONTACT
-    run.slopes[WEIGHT, : 2 * n] = 1.0 / np.concatenate([tolerances, scales.rate_s * tolerances])
-    control = (choice.tolerance, scales.length_m, scales.rate_s, first, first, part)
-    run.control[0] = (*control, 1.0, 1.0, 1.0, 0, -1)
-
-
-def contact_record(joint: ClearanceJoint) -> tuple[float, ...]:
-    """Return a contact in flight as ``CONTACT_RECORD`` has it."""
-    law, clearance, friction = joint.law, joint.radial_clearance_m, joint.friction
-    state, unknown = (types.FLIGHT, *[0.0] * 6), [0.0] * 4
-    slope = 0.0 if friction is None else friction.coefficient * steepest(friction)
-    if isinstance(law, RigidWall):
-        return *state, clearance, *[0.0] * 4, slope, 0.0, 1.0, 0.0, 0.0, 0.0, *unknown
-    compliant = (law.stiffness, law.exponent, law.damping_factor, law.minimum_impact_speed_m_s, slope)
-    return *state, clearance, *compliant, float(law.clipped), 0.0, 0.0, 0.0, 0.0, *unknown
 
 
 def require_flight(part: str, lowest: float | None) -> None:

@@ -17,7 +17,6 @@ from reports.results import (
     accuracy,
     finished,
     motion_error,
-    scale,
     signal_errors,
     tolerances,
     uncertainty,
@@ -67,7 +66,8 @@ def _figure(name: str, title: str, caption: str, by_signal: list[list[Panel]]) -
 
 def orders(rows: pd.DataFrame, column: str) -> dict[str, dict[str, Order]]:
     """Return the observed order of a column by label and scene, where a finished run has it."""
-    rows = rows.assign(error=value(rows, column), doubt=uncertainty(rows, column), scale=scale(rows, column))
+    scale = with_columns(rows, column.replace("_error_", "_scale_"))[column.replace("_error_", "_scale_")]
+    rows = rows.assign(error=value(rows, column), doubt=uncertainty(rows, column), scale=scale)
     floors = rows.groupby("scene")["doubt"].max().fillna(0.0)
     scales = rows.groupby("scene")["scale"].max().fillna(np.inf)
     by_label: dict[str, dict[str, Order]] = {label: {} for label in labels(rows)}

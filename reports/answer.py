@@ -57,7 +57,7 @@ def _needs(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
             best, *others = ranked
             level = [other for other in others if _is_level(other, best)]
             others = [other for other in others if not _is_level(other, best)]
-            ms, row = 1e3 * best["time_s"] / best["end_time_s"], rows.loc[best.index[0]]
+            ms, row = 1e3 * (best["time_s"] / best["end_time_s"]), rows.loc[best.index[0]]
             next_best = [_slower(other, best, column, ran) for other in others[:1]]
             faster = [
                 each for each in others[1:] if any(of.decided and of.times < 1 for of in _behind(each, best))

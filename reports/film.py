@@ -42,10 +42,10 @@ FIXED = {"figure.constrained_layout.use": False}
 UNIT, PIN, BLOCK, BEYOND, MARGIN = 0.2, 0.07, (0.5, 0.34), 0.3, 0.15
 #: The part of all forces that is drawn in full, the length of the largest of those and of the longest arrow.
 IN_LENGTH, ARROW, LONGEST_ARROW = 0.95, 0.6, 0.9
-#: The most forces that have a colour each, and the entries of a row of the legend.
-MOST_COLOURS, IN_ROW = 6, 4
-#: What is around the axes in the figure, in inches, and a row of the legend; height of the axes to width.
-LEFT_IN, RIGHT_IN, BELOW_IN, ABOVE_IN, ROW_IN = 0.7, 0.15, 0.8, 0.3, 0.2
+#: The forces that share a colour, by how their names begin.
+KINDS = {"joint": "joint forces, each on the body named later", "guide": "forces of guides on their bodies"}
+#: What is around the axes in the figure, in inches, and height of the axes to width.
+LEFT_IN, RIGHT_IN, BELOW_IN, ABOVE_IN = 0.7, 0.15, 1.0, 0.3
 FLATTEST, TALLEST = 0.3, 0.75
 #: A pin nearer to its body's centre of mass than this part of the radius of gyration is at the centre.
 CENTRED = 1e-6
@@ -132,7 +132,7 @@ class Stage:
         places += [place for place, _ in self.forces.values()]
         extent = np.ptp(np.concatenate([each.reshape(-1, 2) for each in places]), axis=0)
         self.unit_mm = UNIT * float(np.hypot(*extent)) or 1.0
-        self.arrows, self.N_per_mm = self._scaled()
+        self.arrows: dict[str, FloatArray] = {}
         self._draw()
 
     def show(self, k: int) -> Iterable[Artist]:
@@ -188,18 +188,6 @@ class Stage:
             what = guide_column(self.scene, guide.name).removesuffix("_normal_force_N").replace("_", " ", 1)
             yield f"{what} on the {names[guide.body_j]}", (self.place(_ends(guide)[1]), across)
 
-    def _scaled(self) -> tuple[dict[str, FloatArray], float]:
-        """Return the arrow (n, 2) of every force, the longest ones cut, and the N of a mm."""
-        sizes = {name: np.hypot(*force.T) for name, (_, force) in self.forces.items()}
-        usual_N = float(np.quantile(np.concatenate([[0.0], *sizes.values()]), IN_LENGTH)) or 1.0
-        N_per_mm = usual_N / (ARROW * self.unit_mm)
-        longest_N = LONGEST_ARROW * self.unit_mm * N_per_mm
-        arrows = {
-            name: force / N_per_mm * (longest_N / np.maximum(sizes[name], longest_N))[:, None]
-            for name, (_, force) in self.forces.items()
-        }
-        return arrows, N_per_mm
-
     def _draw(self) -> None:
         title = self.scene.name
         if self.mechanism.loose and self.exaggerate != 1:
@@ -224,11 +212,9 @@ class Stage:
             if pin.clearance:
                 gap = MM_PER_M * self.exaggerate * pin.clearance.radial_clearance_m
                 self._draw_disc(bearing, radius + gap, fill=False)
-        quivers = self._draw_forces()
-        mm = f"{self.unit_mm:.3g} mm are {self.N_per_mm * self.unit_mm:.3g} N"
-        scale = f"forces: {mm}, cut at {LONGEST_ARROW * self.unit_mm:.3g} mm"
-        self.picture.legend(handles=quivers, loc="lower center", ncols=IN_ROW, title=scale)
-        self._fit(BELOW_IN + ROW_IN * -(-len(quivers) // IN_ROW))
+        quivers, scale = self._draw_forces()
+        self.picture.legend(handles=quivers, loc="lower center", ncols=2, title=f"forces: {scale}")
+        self._fit()
 
     def _draw_guides(self) -> None:
         """Draw the line of each guide as long as its block or pin needs, and the block."""
@@ -272,28 +258,36 @@ class Stage:
         self.reached += [centre - radius, centre + radius]
         self.moves.append(lambda k: disc.set_center(centre[k]))
 
-    def _draw_forces(self) -> list[Any]:
-        """Draw forces as arrows: each in its colour, or where there are too many, one colour for a kind."""
-        quivers: dict[str, Any] = {}
-        for name, (places, _) in self.forces.items():
-            kind = name if len(self.forces) <= MOST_COLOURS else f"forces of {name.split()[0]}s"
-            colour = quivers[kind].get_facecolor() if kind in quivers else COLOURS[1 + len(quivers)]
-            quivers.setdefault(kind, self._draw_arrow(places, self.arrows[name], color=colour, label=kind))
-        return list(quivers.values())
+    def _draw_forces(self) -> tuple[list[Any], str]:
+        """Draw the forces of joints and of guides as arrows, the longest cut, and return their scale."""
+        largest = [np.hypot(*force.T) for _, force in self.forces.values()]
+        usual_N = float(np.quantile(np.concatenate([[0.0], *largest]), IN_LENGTH)) or 1.0
+        mm_per_N, longest_mm = ARROW * self.unit_mm / usual_N, LONGEST_ARROW * self.unit_mm
+        for name, (places, force) in self.forces.items():
+            cut = longest_mm / np.maximum(mm_per_N * np.hypot(*force.T), longest_mm)
+            self.arrows[name] = mm_per_N * force * cut[:, None]
+            self.reached += [places, places + self.arrows[name]]
+        quivers = []
+        for (kind, label), colour in zip(KINDS.items(), COLOURS[1:], strict=False):
+            if names := [name for name in self.forces if name.startswith(kind)]:
+                places = np.stack([self.forces[name][0] for name in names], axis=1)
+                arrows = np.stack([self.arrows[name] for name in names], axis=1)
+                quivers.append(self._draw_arrows(places, arrows, color=colour, label=label))
+        scale = f"{self.unit_mm:.3g} mm are {self.unit_mm / mm_per_N:.3g} N, cut at {longest_mm:.3g} mm"
+        return quivers, scale
 
-    def _draw_arrow(self, places: FloatArray, arrows: FloatArray, **style: Any) -> Any:
+    def _draw_arrows(self, places: FloatArray, arrows: FloatArray, **style: Any) -> Any:
         in_mm: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.005, "zorder": 4}
-        quiver = self.axes.quiver(*places[:1].T, *arrows[:1].T, **in_mm, **style)
-        self.reached += [places, places + arrows]
+        quiver = self.axes.quiver(*places[0].T, *arrows[0].T, **in_mm, **style)
 
         def move(k: int) -> None:
-            quiver.set_offsets(places[k : k + 1])
-            quiver.set_UVC(*arrows[k : k + 1].T)
+            quiver.set_offsets(places[k])
+            quiver.set_UVC(*arrows[k].T)
 
         self.moves.append(move)
         return quiver
 
-    def _fit(self, below_in: float) -> None:
+    def _fit(self) -> None:
         """Give the axes the limits of all that is drawn, and the figure its height."""
         points = np.concatenate([each.reshape(-1, 2) for each in self.reached])
         low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
@@ -301,9 +295,9 @@ class Stage:
         half = np.array([max(width, height / TALLEST), max(height, width * FLATTEST)]) / 2
         across_in = WIDTH_IN - LEFT_IN - RIGHT_IN
         up_in = across_in * half[1] / half[0]
-        total = below_in + up_in + ABOVE_IN
+        total = BELOW_IN + up_in + ABOVE_IN
         self.picture.set_size_inches(WIDTH_IN, total)
-        self.axes.set_position((LEFT_IN / WIDTH_IN, below_in / total, across_in / WIDTH_IN, up_in / total))
+        self.axes.set_position((LEFT_IN / WIDTH_IN, BELOW_IN / total, across_in / WIDTH_IN, up_in / total))
         (left, low_y), (right, high_y) = middle - half, middle + half
         self.axes.set(xlim=(left, right), ylim=(low_y, high_y))
 

@@ -258,12 +258,12 @@ def picture_bytes(figure: Figure, ending: str) -> bytes:
 
 
 def _label_powers(figure: Figure) -> None:
-    """Label logarithmic axes in plain letters, which need no formula to be set; short ones at 1, 2 and 5."""
+    """Label logarithmic axes in plain letters, which need no formula to be set; short ones at more digits."""
     for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)):
         if isinstance(axis.get_major_formatter(), LogFormatterSciNotation):
             low, high = sorted(axis.get_view_interval())
             if high < 100 * low:
-                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                axis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high > 10 * low else (1.0, 2.0, 5.0)))
             axis.set_major_formatter(FuncFormatter(_power))
             axis.set_minor_formatter(NullFormatter())
 

@@ -82,28 +82,17 @@ def certain(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a row says of its run, with the digits that are certain."""
     head, kept = head_of(row), dict[str, Any]()
     for name, value in row.items():
-        if name in head or not isinstance(value, float):
-            kept[name] = value
-        elif name in TIMES:
-            kept[name] = rounded(value, TIME_DIGITS)
-        elif "_uncertainty_" in name:
-            kept[name] = rounded(value, DOUBT_DIGITS)
-        else:
-            doubt = row.get(name.replace("_error_", "_uncertainty_")) if "_error_" in name else None
-            kept[name] = rounded(value, _digits(value, doubt))
+        digits = TIME_DIGITS if name in TIMES else DIGITS
+        if "_uncertainty_" in name:
+            digits = DOUBT_DIGITS
+        elif "_error_" in name:
+            doubt = row.get(name.replace("_error_", "_uncertainty_"))
+            if isinstance(doubt, float) and doubt > 0 and value and math.isfinite(value / doubt):
+                above = math.floor(math.log10(abs(value) / doubt))
+                digits = min(max(above + 2, FEWEST), DIGITS)
+        measured = name not in head and isinstance(value, float)
+        kept[name] = float(f"{value:.{digits}g}") if measured else value
     return {name: value for name, value in kept.items() if name not in LEFT_OUT}
-
-
-def _digits(value: float, doubt: object) -> int:
-    """Return how many digits of an error are certain; of what has no uncertainty of its own ``DIGITS``."""
-    if not (isinstance(doubt, float) and doubt > 0 and value and math.isfinite(value / doubt)):
-        return DIGITS
-    return min(max(math.floor(math.log10(abs(value) / doubt)) + 2, FEWEST), DIGITS)
-
-
-def rounded(value: float, digits: int) -> float:
-    """Return a number with so many significant digits."""
-    return float(f"{value:.{digits}g}")
 
 
 def _renew(folder: Path, files: Iterable[Path]) -> None:

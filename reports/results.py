@@ -8,7 +8,6 @@ import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -55,24 +54,9 @@ class Results:
         return self.store is not None
 
     def curve(self, case: str, column: str) -> FloatArray:
-        """Return a curve of a finished run, (n,).
-
-        Raises:
-            BadInput: there is none.
-        """
-        curves = {} if self.store is None else self.store.curves(case)
-        if column not in curves:
-            raise BadInput(
-                f"results: expected the curve {column} of case {case}, got {', '.join(curves) or 'none'}"
-            )
-        return np.asarray(curves[column], dtype=float)
-
-    @property
-    def note(self) -> str | None:
-        """A line that says that the run has not come to its end, None if it has."""
-        there, asked = len(self.rows), self.facts.get("cases", 0)
-        what = f"{there} of {asked} cases are there; `crankslider run` goes on"
-        return what if there < asked else None
+        """Return a curve of a finished run, (n,); there has to be a store."""
+        assert self.store is not None
+        return np.asarray(self.store.curves(case)[column], dtype=float)
 
 
 #: The results of the studies at hand, by the names of the studies.
@@ -91,7 +75,8 @@ def read_study(folder: Path, study: str) -> Results:
         store = Store(folder)
         rows, facts = store.results(study)
     elif (folder / f"{study}{ENDING}").exists():
-        rows, facts = published_rows(folder, study), _facts(folder)[study]
+        rows = published_rows(folder, study)
+        facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))[study]
     if not rows:
         raise NoResults(
             f"results: expected the results of {study}, got none in {folder}; run `crankslider run`"
@@ -112,12 +97,6 @@ def published_rows(folder: Path, study: str) -> list[dict[str, Any]]:
         return [{"case": f"{study}-{n}", "study": study, "reason": "", **row} for n, row in enumerate(rows)]
     except Exception as error:  # whatever a damaged file makes of its reader
         raise BadInput(f"results: expected published rows in {path}, got '{error}'") from None
-
-
-@cache
-def _facts(folder: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((folder / FACTS).read_text(encoding="utf-8"))
-    return found
 
 
 def head_of(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -177,11 +156,6 @@ def uncertainty(rows: pd.DataFrame, column: str) -> pd.Series:
     return _numbers(rows, column.replace("_error_", "_uncertainty_") if "_error_" in column else "")
 
 
-def scale(rows: pd.DataFrame, column: str) -> pd.Series:
-    """Return how far the signal of a column of errors is from its mean at most, NaN where nobody tells."""
-    return _numbers(rows, column.replace("_error_", "_scale_") if "_error_" in column else "")
-
-
 def floor(rows: pd.DataFrame, column: str) -> float:
     """Return the reference solution's largest uncertainty of a column, 0 where there is none."""
     largest = uncertainty(rows, column).max()
@@ -224,29 +198,22 @@ def motion_error(rows: pd.DataFrame) -> str:
     return SLIDER if SLIDER in found or not found else found[0]
 
 
-def with_largest(rows: pd.DataFrame, name: str, pattern: str) -> pd.DataFrame:
-    """Return the rows with a column ``name``: the largest of the signal errors whose columns match a pattern.
-
-    Its uncertainty is the largest of theirs, and so is its scale.
-    """
-    words = ("_error_", "_uncertainty_", "_scale_")
-    columns = {name.replace("_error_", word): pattern.replace("_error_", word) for word in words}
-    return rows.assign(**{new: rows.filter(regex=f"^{of}$").max(axis=1) for new, of in columns.items()})
-
-
 def with_forces(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with ``FORCE``, and ``PEAK`` with its uncertainty, NaN where no impact has a force."""
-    doubt = PEAK.replace("error", "uncertainty")
-    percent = {PEAK: "impact_force_relative_error", doubt: "impact_force_relative_uncertainty"}
-    rows = rows.assign(**{name: 100 * _numbers(rows, part) for name, part in percent.items()})
-    return with_largest(rows, FORCE, r"joint_[\w.-]+_force_error_N")
+    """Return the rows with ``FORCE`` and its scale, and ``PEAK``, NaN where no impact has a force.
+
+    Both have uncertainties; that of ``FORCE`` is the largest of those of the joints, and so is its scale.
+    """
+    columns = {}
+    for word in ("error", "uncertainty", "scale"):
+        joints = rows.filter(regex=rf"^joint_[\w.-]+_force_{word}_N$")
+        columns[FORCE.replace("error", word)] = joints.max(axis=1)
+    for word in ("error", "uncertainty"):
+        columns[PEAK.replace("error", word)] = 100 * _numbers(rows, f"impact_force_relative_{word}")
+    return rows.assign(**columns)
 
 
 def classes(rows: pd.DataFrame) -> "pd.Series[str]":
-    """Return the class of each row's scene, by the columns of any run on it.
-
-    Rows need ``PEAK``: rigid contact is impacts without a peak force.
-    """
+    """Return the class of each row's scene by its columns; rigid contact is impacts without a ``PEAK``."""
     loose = rows.filter(regex="^clearance_").notna().any(axis=1).groupby(rows["scene"]).transform("any")
     peaks = value(rows, PEAK).notna().groupby(rows["scene"]).transform("any")
     return pd.Series(np.select([loose & peaks, loose], [LOOSE, RIGID], IDEAL), rows.index)

@@ -11,17 +11,15 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import NullLocator
 
-from reports.look import BLACK, RC, WIDTH_IN, listed
-from reports.page import MOST, Chapter, Claim, Figure, Table
-from reports.results import FloatArray, Studies, with_columns
+from reports.look import BLACK, RC, Picture, listed
+from reports.page import MOST, Chapter, Claim, Figure, Part, Table
+from reports.results import Studies, with_columns
 
 #: The verdicts, their places the column ``verdict_severity``: from growth on a run is no longer stable.
 VERDICTS = ("accurate", "inaccurate", "energy-growing", "diverged", "timed out", "refused")
@@ -38,6 +36,7 @@ LOOKS = (
     ("#20122E", "T"),
     ("#FFFFFF", "R"),
 )
+COLOURS = ListedColormap([colour for colour, _ in LOOKS])
 STIFFNESS, FREQUENCY, LIMIT = "contact_stiffness_N_m1_5", "impact_frequency_rad_s", "limit_frequency_step"
 #: Panels in a row.
 ACROSS = 3
@@ -60,7 +59,7 @@ INTRODUCTION = (
 )
 
 
-def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
+def parts(studies: Studies) -> Iterator[Part]:
     """Yield whose runs gain energy, what accurate means, checked, the map, and where growth begins."""
     cells = prepared(studies["stability"].rows)
     yield growing(cells)
@@ -162,86 +161,40 @@ def draw_map(rows: pd.DataFrame) -> Drawing:
     """Return the figure of the map from its cells, a panel for each label among them."""
     configurations = list(rows.groupby("label", observed=True))
     down = math.ceil(len(configurations) / ACROSS)
-    steps, values = (np.unique(rows[name]) for name in ("step_s", STIFFNESS))
+    steps, stiffnesses = (np.unique(rows[name]) for name in ("step_s", STIFFNESS))
     with mpl.rc_context(RC):
-        drawing = Drawing(figsize=(WIDTH_IN, 1.95 * down + 0.8))
-        for place, (label, of_label) in enumerate(configurations):
+        drawing = Picture(1.95 * down + 0.8)
+        for place, (label, of) in enumerate(configurations):
             ax = drawing.add_subplot(down, ACROSS, place + 1)
-            _draw_cells(ax, of_label, steps, values)
-            limit = float(of_label[LIMIT].iloc[0])
+            grid = of.pivot_table("severity", STIFFNESS, "step_s", aggfunc="last")
+            grid = grid.reindex(index=stiffnesses, columns=steps).to_numpy(dtype=float)
+            ax.imshow(grid, COLOURS, aspect="auto", origin="lower", vmin=-0.5, vmax=len(LOOKS) - 0.5)
+            ax.grid(False)
+            for (row, column), severity in np.ndenumerate(grid):
+                if not math.isnan(severity):
+                    colour = "white" if DIVERGED <= severity < REFUSED else BLACK
+                    look: dict[str, Any] = {"ha": "center", "va": "center", "color": colour, "fontsize": 7}
+                    ax.text(column, row, LOOKS[int(severity)][1], **look)
+            limit, frequency = float(of[LIMIT].iloc[0]), of.groupby(STIFFNESS)[FREQUENCY].last()
+            words = "no limit" if of["method"].notna().any() else "shortens steps"
             if not math.isnan(limit):
-                _draw_limit(ax, of_label, limit)
-            ax.set_title(f"{label}\n{_limit_in_words(of_label, limit)}", fontsize=8)
+                words = f"linear limit ωh = {limit:.3g}"
+                at = np.log(limit / frequency.reindex(stiffnesses))
+                x = np.interp(at, np.log(steps), np.arange(len(steps)), -0.5, len(steps) - 0.5)
+                ax.plot(x, np.arange(len(stiffnesses)), **LINE)
+            ax.set_title(f"{label}\n{words}", fontsize=8)
             left, bottom = place % ACROSS == 0, place + ACROSS >= len(configurations)
-            ax.set_yticks(values, [_short(value) for value in values] if left else [""] * len(values))
-            ax.yaxis.set_minor_locator(NullLocator())
+            ax.set_yticks(range(len(stiffnesses)), [f"{of:.1e}" for of in stiffnesses] if left else [])
+            ax.set_xticks(range(len(steps)), [f"{of:.0e}" for of in steps] if bottom else [], rotation=45)
             ax.set_ylabel("stiffness [N/m$^{1.5}$]" if left else "", fontsize=8)
             ax.set_xlabel("step, or longest step [s]" if bottom else "")
-            if not bottom:
-                ax.set_xticklabels([])
-        handles: list[Patch | Line2D] = []
-        for severity in sorted(rows["severity"].unique()):
-            (colour, letter), name = LOOKS[severity], VERDICTS[severity]
-            look: dict[str, Any] = {"facecolor": colour, "edgecolor": "#595959", "linewidth": 0.5}
-            handles.append(Patch(label=f"{letter}  {name}", **look))
+        handles: list[Any] = [
+            Patch(label=f"{LOOKS[of][1]}  {VERDICTS[of]}", facecolor=LOOKS[of][0], edgecolor="#595959")
+            for of in sorted(rows["severity"].unique())
+        ]
         handles.append(Line2D([], [], label="linear limit at the first impact", **LINE))
         drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=7.5)
     return drawing
-
-
-def _limit_in_words(rows: pd.DataFrame, limit: float) -> str:
-    """Return theory's limit on a configuration's steps, or that it chooses them or has none."""
-    if not math.isnan(limit):
-        return f"linear limit ωh = {limit:.3g}"
-    return "no limit" if rows["method"].notna().any() else "shortens steps"
-
-
-def _draw_cells(ax: Axes, rows: pd.DataFrame, steps: FloatArray, values: FloatArray) -> None:
-    """Draw a configuration's cells: ``steps`` (n,) across and ``values`` (m,) of the stiffness up."""
-    grid = rows.pivot_table(index=STIFFNESS, columns="step_s", values="severity", aggfunc="last")
-    grid = grid.reindex(index=values, columns=steps).to_numpy(dtype=float)
-    ax.set(xscale="log", yscale="log")
-    ax.grid(False)
-    colours = ListedColormap([colour for colour, _ in LOOKS])
-    scale: dict[str, Any] = {"cmap": colours, "vmin": -0.5, "vmax": len(LOOKS) - 0.5}
-    cells = np.ma.masked_invalid(grid)
-    ax.pcolormesh(_edges(steps), _edges(values), cells, edgecolors="white", linewidth=0.4, **scale)
-    size = 7.0 if len(steps) <= 8 else 4.5
-    for (row, column), severity in np.ndenumerate(grid):
-        if not math.isnan(severity):
-            colour = "white" if DIVERGED <= severity < REFUSED else BLACK
-            place: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size, "color": colour}
-            ax.text(steps[column], values[row], LOOKS[int(severity)][1], **place)
-
-
-def _edges(centres: FloatArray) -> FloatArray:
-    """Return the borders between values (n,), halfway on a logarithmic axis, (n + 1,)."""
-    logs = np.log(centres)
-    gaps = np.diff(logs) if len(logs) > 1 else np.array([1.0])
-    inner = logs[:-1] + gaps[: len(logs) - 1] / 2
-    return np.asarray(np.exp(np.concatenate([[logs[0] - gaps[0] / 2], inner, [logs[-1] + gaps[-1] / 2]])))
-
-
-def _draw_limit(ax: Axes, rows: pd.DataFrame, limit: float) -> None:
-    """Draw the step at which omega h is the limit, omega the first impact's, across all rows of the map."""
-    frequency = rows.groupby(STIFFNESS)[FREQUENCY].last()
-    values = frequency.index.to_numpy()
-    logs = np.log(limit / frequency.to_numpy())
-    ends = _edges(values)[[0, -1]]
-    slope = np.gradient(logs, np.log(values)) if len(values) > 1 else np.zeros(1)
-    first = logs[0] + slope[0] * np.log(ends[0] / values[0])
-    last = logs[-1] + slope[-1] * np.log(ends[1] / values[-1])
-    bounds = ax.get_xlim(), ax.get_ylim()
-    ax.plot(np.exp([first, *logs, last]), [ends[0], *values, ends[1]], **LINE)
-    ax.set(xlim=bounds[0], ylim=bounds[1])
-
-
-def _short(value: float) -> str:
-    """Return 0.02, 1250 or 6.6e+10 as it is written at an axis."""
-    if 1e-3 <= value < 1e5:
-        return f"{value:g}"
-    digits, power = f"{value:.1e}".split("e")
-    return f"${digits}\\cdot 10^{{{int(power)}}}$"
 
 
 CHAPTER = Chapter("stability", "Stability", ("stability",), INTRODUCTION, parts)

@@ -17,11 +17,11 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
+from engine_models.mechanics.energy import exponent_of, stiffness_of
 from engine_models.mechanics.states import observed_m
 from engine_models.scene.format import Clearance
 from engine_models.scene.library import BEARING_RADIUS_M, clearance, ideal_driven
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import exponent_of, stiffness_of
 from studies.case import Case, Curves, Row, ended
 from studies.judges.converged_truth import converged, followed
 from studies.judges.metrics import checked, constraint_violation_m, energy_balance_residual_J, finite

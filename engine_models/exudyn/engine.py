@@ -24,7 +24,7 @@ from engine_models.exudyn.contact import native_twin
 from engine_models.exudyn.tree import why_no_tree
 from engine_models.mechanics.start import unwound
 from engine_models.memory import require_memory
-from engine_models.minimal.forces import Forces
+from engine_models.minimal.forces import Forces, require_family
 from engine_models.pace import require_followed
 from engine_models.scene.scene import Scene
 
@@ -78,6 +78,7 @@ class ExudynEngine(Engine):
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""
+        require_family(scene, "exudyn")
         native_twin(scene)
         reason = why_no_tree(scene.mechanism)
         if reason and self.solver_of(scene) in EXPLICIT:

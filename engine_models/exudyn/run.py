@@ -8,17 +8,16 @@ from scipy.integrate import cumulative_trapezoid
 from engine_models.engine import BareRun, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact import contact_record, contact_states
 from engine_models.exudyn.engine import IMPLICIT, ExudynEngine, steps_as_they_come
-from engine_models.exudyn.kinematics import link_rows, states
-from engine_models.exudyn.model import Model, build_model
-from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, integral
+from engine_models.exudyn.model import Model
+from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, integral, link_rows, states
 from engine_models.exudyn.solver import silence, simulation_settings, solve
 from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces, Reactions
 from engine_models.scene.scene import Scene
 
-#: A recorded time may differ from its place on the grid by rounding, never by this part of an interval.
-TIME_TOLERANCE = 1e-6
+#: The end of a run is off by no more than this part of it.
+ROUND_OFF = 1e-9
 
 
 def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajectory:
@@ -29,25 +28,19 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
     Raises:
         SimulationFailed: Exudyn gave up, stopped short or ran out of time.
     """
+    tree, of = engine.solver_of(scene) not in IMPLICIT, scene.mechanism
+    forces = Forces(engine.twin(scene))
+    forces.contacts[:, eq.DRAGS : eq.MU] = 1.0  # friction drives where a contact pulls
+    every = 1 if forces.integrated else run.steps_per_sample(scene.end_time_s)
     with silence(), np.errstate(all="ignore"):  # require_finite is the judge
-        tree = engine.solver_of(scene) not in IMPLICIT
-        model = build_model(scene, tree)
-        # Only works that are integrals need every step of a run whose samples are at the ends of some.
-        every = 1 if model.forces.integrated else run.steps_per_sample(scene.end_time_s)
-        settings = simulation_settings(engine, scene, model.forces, run, every)
-        solve_time_s = solve(scene, model, settings, engine.timeout_s)
-        motion, time, of = _recorded(scene, model, tree), run.times_s(scene), model.forces.of
-        forces = Forces(engine.twin(scene))
-        forces.contacts[:, eq.DRAGS : eq.MU] = 1.0  # friction drives where a contact pulls
+        model, solve_time_s = _solved(engine, scene, run, every)
+        motion = _recorded(scene, model, tree)
+        time, steps = run.times_s(scene), (len(motion.time_s) - 1) * every
         if steps_as_they_come(engine, scene):
-            steps, grid, at_samples = len(motion.time_s) - 1, np.union1d(motion.time_s, time), time
-            if motion.time_s[-1] < scene.end_time_s:
-                raise SimulationFailed(f"Exudyn stopped short of the end at t = {motion.time_s[-1]:.6g} s")
+            steps, grid, sampled_s = len(motion.time_s) - 1, np.union1d(motion.time_s, time), time
         else:
-            steps, grid = run.samples * run.steps_per_sample(scene.end_time_s), motion.time_s
-            _require_grid(grid, np.linspace(0.0, scene.end_time_s, steps // every + 1))
-            at_samples = grid[:: len(grid) // run.samples]
-        sampled = np.searchsorted(grid, at_samples)
+            grid, sampled_s = motion.time_s, motion.time_s[:: steps // every // run.samples]
+        sampled = np.searchsorted(grid, sampled_s)
 
         def powers(at: FloatArray) -> FloatArray:
             position, velocity, _ = motion.at(at)
@@ -62,10 +55,10 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
         if forces.integrated:
             sums = integral(grid, powers) if tree else cumulative_trapezoid(powers(grid), grid, initial=0.0)
             works = dict(zip(forces.integrated, sums[:, sampled], strict=True))
-        position, velocity, _ = motion.at(at_samples)
+        position, velocity, _ = motion.at(sampled_s)
         return trajectory_of(
             scene,
-            **vars(_reactions(forces, motion, at_samples)),
+            **vars(_reactions(forces, motion, sampled_s)),
             time_s=time,
             position=position,
             velocity=velocity,
@@ -74,7 +67,7 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
             steps=steps,
             solve_time_s=solve_time_s,
             contacts={
-                pin.name: contact_record(forces, motion, pin, scene.clearances[pin.name], at_samples)
+                pin.name: contact_record(forces, motion, pin, scene.clearances[pin.name], sampled_s)
                 for pin in of.loose
             },
             load_work_J=works,
@@ -88,15 +81,19 @@ def bare_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> BareRun:
         SimulationFailed: Exudyn gave up or ran out of time.
     """
     with silence(), np.errstate(all="ignore"):
-        model = build_model(scene, engine.solver_of(scene) not in IMPLICIT)
-        settings = simulation_settings(engine, scene, model.forces, run, every=1)
-        settings.solution.sensors.writePeriod = scene.end_time_s
-        solve_time_s = solve(scene, model, settings, engine.timeout_s)
+        model, solve_time_s = _solved(engine, scene, run, 0)
         values = model.mbs.GetSensorValues
         q, v, a = (np.concatenate([np.atleast_1d(values(sensor)) for sensor in of]) for of in model.motion)
         out = np.zeros((1, 3, 3 * len(scene.mechanism.bodies)))
         states(link_rows(model.branches), (model.start + q)[None], v[None], a[None], out)
         return BareRun(solve_time_s, out[0, 0].reshape(-1, 3))
+
+
+def _solved(engine: ExudynEngine, scene: Scene, run: RunSettings, every: int) -> tuple[Model, float]:
+    """Return a model that has run, and the time of the solve; one in ``every`` equal steps is recorded."""
+    model = Model(scene, engine.solver_of(scene) not in IMPLICIT)
+    settings = simulation_settings(engine, scene, model.forces, run, every)
+    return model, solve(scene, model.mbs, settings, engine.timeout_s)
 
 
 def _reactions(forces: Forces, motion: Motion, time_s: FloatArray) -> Reactions:
@@ -118,6 +115,8 @@ def _recorded(scene: Scene, model: Model, tree: bool) -> Motion:
         finite = np.isfinite(record).all(axis=1)
         if not finite.all():
             raise SimulationFailed(f"non-finite state at t = {time[int(np.argmin(finite))]:.6g} s")
+    if time[-1] < (1 - ROUND_OFF) * scene.end_time_s:
+        raise SimulationFailed(f"Exudyn stopped short of the end at t = {time[-1]:.6g} s")
     coordinates, rates, accelerations = (
         np.concatenate([record[:, 1:] for record in of], axis=1) for of in quantities
     )
@@ -145,12 +144,3 @@ def _stored(model: Model, sensor: int) -> FloatArray:
     """Return all that a sensor recorded, (k, 1 + components), time first, each time once."""
     record = np.asarray(model.mbs.GetSensorStoredData(sensor), dtype=np.float64)
     return np.asarray(record[np.append(np.diff(record[:, 0]) > 0, True)])
-
-
-def _require_grid(time_s: FloatArray, grid_s: FloatArray) -> None:
-    """Require of recorded times (k,) that they are those of a grid (n,); one missing is a failed run."""
-    common = min(len(time_s), len(grid_s))
-    right = np.abs(time_s[:common] - grid_s[:common]) <= TIME_TOLERANCE * (grid_s[1] - grid_s[0])
-    if not right.all() or len(time_s) != len(grid_s):
-        missed = common if right.all() else int(np.argmin(right))
-        raise SimulationFailed(f"Exudyn recorded nothing at t = {grid_s[min(missed, len(grid_s) - 1)]:.6g} s")

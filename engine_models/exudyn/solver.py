@@ -12,7 +12,6 @@ import numpy as np
 from engine_models import progress
 from engine_models.engine import EngineFailed, RunSettings, SimulationFailed
 from engine_models.exudyn.engine import IMPLICIT, ExudynEngine, steps_as_they_come
-from engine_models.exudyn.model import Model
 from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import lever_m, shortest_m
 from engine_models.minimal.forces import Forces
@@ -60,13 +59,14 @@ def simulation_settings(
 ) -> exu.SimulationSettings:
     """Return all settings of a run: equal steps to the end, unless events or a tolerance shorten them.
 
-    Of equal steps one in ``every`` is recorded, of steps as they come all, however short.
+    Of equal steps one in ``every`` is recorded, of steps as they come all, however short; if it is 0, the
+    ends alone are.
     """
     solver, steps = engine.solver_of(scene), run.samples * run.steps_per_sample(scene.end_time_s)
-    as_they_come, kind = steps_as_they_come(engine, scene), "implicit" if solver in IMPLICIT else "explicit"
+    as_they_come, step_s = steps_as_they_come(engine, scene), scene.end_time_s / steps
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = 0.0 if as_they_come else scene.end_time_s / steps * every
+    settings.solution.sensors.writePeriod = 0.0 if as_they_come and every else step_s * (every or steps)
     settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
     settings.parallel.numberOfThreads = 1
     integration = settings.timeIntegration
@@ -76,14 +76,11 @@ def simulation_settings(
     integration.numberOfSteps = steps
     integration.adaptiveStep = integration.automaticStepSize = False
     if scene.joints_with_clearance:
-        gap = EVENT_GAP_M[kind]
-        if solver == "DOPRI5":
-            gap = max(engine.event_gap * engine.step_tolerance, LEAST_GAP_M)
-        _locate_events(integration, scene, gap)
-        integration.minimumStepSize = SHORTEST_STEP_S[kind]
+        _locate_events(integration, scene, engine, solver)
     if solver in IMPLICIT:
-        bound = newton_bound(scene, forces, solver, scene.end_time_s / steps)
-        _set_implicit(integration, engine.spectral_radius, bound)
+        integration.generalizedAlpha.spectralRadius = engine.spectral_radius
+        integration.generalizedAlpha.computeInitialAccelerations = True
+        _set_newton(integration.newton, newton_bound(scene, forces, solver, step_s))
         return settings
     explicit = integration.explicit
     explicit.useLieGroupIntegration = False  # there is none among planar coordinates
@@ -91,8 +88,49 @@ def simulation_settings(
     # The last stage of an embedded pair is at the step's end: its acceleration need not be computed again.
     explicit.computeEndOfStepAccelerations = solver != "DOPRI5"
     if solver == "DOPRI5":
-        _set_adaptive(integration, engine, quickest_s(scene) / FEWEST_STEPS)
+        integration.automaticStepSize, integration.minimumStepSize = True, SHORTEST_STEP_S["explicit"]
+        # A relative tolerance counts the sign of the coordinate: the error's scale is 0 at a negative value.
+        integration.absoluteTolerance, integration.relativeTolerance = engine.step_tolerance, 0.0
+        # Begin with the longest (0), but for what the driver does in a time that no error estimate would see.
+        first_s = quickest_s(scene) / FEWEST_STEPS
+        integration.initialStepSize = first_s if math.isfinite(first_s) else 0.0
+        integration.stepSizeMaxIncrease, integration.stepSizeSafety = GROWTH_ADAPTIVE, engine.step_safety
     return settings
+
+
+def _locate_events(
+    integration: exu.TimeIntegrationSettings, scene: Scene, engine: ExudynEngine, solver: str
+) -> None:
+    """Let steps end where contacts switch, and grow again."""
+    kind = "implicit" if solver in IMPLICIT else "explicit"
+    gap = EVENT_GAP_M[kind]
+    if solver == "DOPRI5":
+        gap = max(engine.event_gap * engine.step_tolerance, LEAST_GAP_M)
+    integration.minimumStepSize, integration.adaptiveStep = SHORTEST_STEP_S[kind], True
+    integration.adaptiveStepDecrease, integration.adaptiveStepIncrease = 0.5, GROWTH
+    # Steps grow again at once, however many iterations the last one took.
+    integration.adaptiveStepRecoverySteps, integration.adaptiveStepRecoveryIterations = 1, 1000
+    switching = integration.discontinuous
+    switching.useRecommendedStepSize, switching.ignoreMaxIterations = True, False
+    switching.maxIterations = 5
+    # The switching error is the gap times the stiffness.
+    switching.iterationTolerance = gap * min(stiffness_of(wall) for wall in scene.clearances.values())
+
+
+def _set_newton(newton: exu.NewtonSettings, bound: float) -> None:
+    """Set Newton's iteration, down to a bound on its increments.
+
+    A bound on residuals, which are forces, would not fit both a light mechanism and a heavy one. One Jacobian
+    is factorised a step: full Newton, and Jacobians kept over steps, are slower.
+    """
+    newton.useModifiedNewton = newton.modifiedNewtonJacUpdatePerStep = True
+    newton.residualMode = 1  # judge the increments, which asks for both tolerances to be the same
+    newton.relativeTolerance = newton.absoluteTolerance = bound
+    newton.maxIterations = 25
+    # Only the initial accelerations rest on differences (of the joints, along the velocity): the default
+    # 1e-9 m or rad loses half their digits, and the trapezoidal rule keeps that error for ever.
+    newton.numericalDifferentiation.relativeEpsilon = 1e-8
+    newton.numericalDifferentiation.minimumCoordinateSize = 1.0
 
 
 def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> float:
@@ -104,72 +142,22 @@ def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> fl
     they need two iterations, in every step: a single one in some of them costs all their digits. In the
     generalized-alpha method an iteration doubles the power, and with ideal joints one is enough.
     """
-    turned = min(_quickest_rad_s(scene, forces) * step_s, LARGEST_TURN_RAD)
-    # The norm of what the longest link moves and turns by where the shortest one turns by 1 rad.
-    longest = max(levers_m(scene.mechanism))
-    size = shortest_m(scene) * math.hypot(1.0, 1 / longest) if len(scene.mechanism.bodies) > 1 else 1.0
-    if scene.joints_with_clearance:  # no coarser than touch and release are told apart
-        bound = min(size * turned**3 / 25, EVENT_GAP_M["implicit"])
-    else:
-        bound = size * (turned**2 if solver == "GeneralizedAlpha" else turned**3 / 25)
-    return max(bound, LEAST_INCREMENT)
-
-
-def _quickest_rad_s(scene: Scene, forces: Forces) -> float:
-    """Return how fast a body turns at the start, or is driven at the fastest; what is free may swing."""
-    of = scene.mechanism
+    of, lever = scene.mechanism, lever_m(scene)
     if of.drive.prescribes:
         speed = float(np.abs(forces.motion(np.linspace(0.0, scene.end_time_s, SPEEDS))[1]).max())
-        return speed if of.drive.guide is None else speed / lever_m(scene)
-    speed = float(np.abs(start_state(scene)[1][:, 2]).max())
-    if isinstance(of.drive.law, Motor):
-        return speed
-    return max(speed, math.sqrt(math.hypot(*of.gravity_m_s2) / lever_m(scene)))
-
-
-def _set_implicit(integration: exu.TimeIntegrationSettings, spectral_radius: float, bound: float) -> None:
-    """Set up the implicit methods and their Newton iteration, down to a bound on its increments.
-
-    A bound on residuals, which are forces, would not fit both a light mechanism and a heavy one. One Jacobian
-    is factorised a step: full Newton, and Jacobians kept over steps, are slower.
-    """
-    integration.generalizedAlpha.spectralRadius = spectral_radius
-    integration.generalizedAlpha.computeInitialAccelerations = True
-    newton = integration.newton
-    newton.useModifiedNewton = newton.modifiedNewtonJacUpdatePerStep = True
-    newton.residualMode = 1  # judge the increments, which asks for both tolerances to be the same
-    newton.relativeTolerance = newton.absoluteTolerance = bound
-    newton.maxIterations = 25
-    # Only the initial accelerations rest on differences (of the joints, along the velocity): the default
-    # 1e-9 m or rad loses half their digits, and the trapezoidal rule keeps that error for ever.
-    newton.numericalDifferentiation.relativeEpsilon = 1e-8
-    newton.numericalDifferentiation.minimumCoordinateSize = 1.0
-
-
-def _set_adaptive(integration: exu.TimeIntegrationSettings, engine: ExudynEngine, first_s: float) -> None:
-    """Let DOPRI5 choose its steps, up to the longest one.
-
-    The tolerance is absolute, in m, rad, m/s and rad/s. A relative one counts the sign of the coordinate:
-    it makes the error's scale zero at a negative value.
-    """
-    integration.automaticStepSize, integration.minimumStepSize = True, SHORTEST_STEP_S["explicit"]
-    integration.absoluteTolerance, integration.relativeTolerance = engine.step_tolerance, 0.0
-    # Begin with the longest (0), but for what the driver does in a time that no error estimate would see.
-    integration.initialStepSize = first_s if math.isfinite(first_s) else 0.0
-    integration.stepSizeMaxIncrease, integration.stepSizeSafety = GROWTH_ADAPTIVE, engine.step_safety
-
-
-def _locate_events(integration: exu.TimeIntegrationSettings, scene: Scene, gap_m: float) -> None:
-    """Let steps end where contacts switch, as closely as a gap, and grow again."""
-    integration.adaptiveStep = True
-    integration.adaptiveStepDecrease, integration.adaptiveStepIncrease = 0.5, GROWTH
-    # Steps grow again at once, however many iterations the last one took.
-    integration.adaptiveStepRecoverySteps, integration.adaptiveStepRecoveryIterations = 1, 1000
-    switching = integration.discontinuous
-    switching.useRecommendedStepSize, switching.ignoreMaxIterations = True, False
-    switching.maxIterations = 5
-    # The switching error is the gap times the stiffness.
-    switching.iterationTolerance = gap_m * min(stiffness_of(wall) for wall in scene.clearances.values())
+        speed /= 1.0 if of.drive.guide is None else lever
+    else:
+        speed = float(np.abs(start_state(scene)[1][:, 2]).max())
+        if not isinstance(of.drive.law, Motor):  # what is free may swing
+            speed = max(speed, math.sqrt(math.hypot(*of.gravity_m_s2) / lever))
+    angle = min(speed * step_s, LARGEST_TURN_RAD)
+    # The norm of what the longest link moves and turns by where the shortest one turns by 1 rad.
+    size = shortest_m(scene) * math.hypot(1.0, 1 / max(levers_m(of))) if len(of.bodies) > 1 else 1.0
+    if scene.joints_with_clearance:  # no coarser than touch and release are told apart
+        bound = min(size * angle**3 / 25, EVENT_GAP_M["implicit"])
+    else:
+        bound = size * (angle**2 if solver == "GeneralizedAlpha" else angle**3 / 25)
+    return max(bound, LEAST_INCREMENT)
 
 
 def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
@@ -196,14 +184,13 @@ def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
     return raised
 
 
-def solve(scene: Scene, model: Model, settings: exu.SimulationSettings, timeout_s: float) -> float:
+def solve(scene: Scene, mbs: exu.MainSystem, settings: exu.SimulationSettings, timeout_s: float) -> float:
     """Run the solver; return its wall time in s.
 
     Raises:
         SimulationFailed: Exudyn gave up, or ran out of time.
     """
     exu.special.solver.timeout = timeout_s
-    mbs = model.mbs
     raised = _tell_steps(mbs, scene)
     began = time.perf_counter()
     try:

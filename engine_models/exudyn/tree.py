@@ -9,7 +9,7 @@ close no loop. Bodies are found breadth first from the ground, then from a body 
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -22,12 +22,8 @@ Axis = Literal["x", "y", "turn"]
 AXES: tuple[Axis, ...] = ("x", "y", "turn")
 
 
-class Hung(NamedTuple):
-    """A body and the joint that hangs it on one that is there before; None for a body that is afloat."""
-
-    body: int
-    joint: Joint | None
-    before: int
+#: A body, the joint that hangs it on one that is there before, None if it is afloat, and that one.
+Hung = tuple[int, Joint | None, int]
 
 
 @dataclass(frozen=True)
@@ -89,13 +85,13 @@ def spanning(of: MechanismData, joints: Iterable[Joint]) -> Iterator[Hung]:
         if root in placed:
             continue
         if root != GROUND:
-            yield Hung(root, None, GROUND)
+            yield root, None, GROUND
         placed.append(root)
         for before in (queue := [root]):
             for joint in joints:
                 body = {joint.body_i: joint.body_j, joint.body_j: joint.body_i}.get(before)
                 if body is not None and body not in placed:
-                    yield Hung(body, joint, before)
+                    yield body, joint, before
                     placed.append(body)
                     queue.append(body)
 
@@ -122,25 +118,46 @@ def why_no_tree(of: MechanismData) -> str:
     return ""
 
 
-def driven_link(of: MechanismData, links: list[Link]) -> int | None:
-    """Return the link whose coordinate is the way along a driven guide, or turns a driven body, if any."""
-    if of.drive.guide is not None:
-        name = of.guides[of.drive.guide].name
-        return next((k for k, link in enumerate(links) if (link.name, link.axis) == (name, "x")), None)
-    k = next((k for k, link in enumerate(links) if link.body == of.drive.body), -1)
-    while k >= 0 and links[k].axis != "turn":
-        k = links[k].parent
-    return k if k >= 0 else None
+def way_of(branches: list[Branch], guide: Guide) -> tuple[int, int] | None:
+    """Return branch and link of the coordinate that is the way along a guide, if there is one."""
+    places = ((b, k, link) for b, branch in enumerate(branches) for k, link in enumerate(branch.links))
+    return next(((b, k) for b, k, link in places if (link.name, link.axis) == (guide.name, "x")), None)
 
 
 def branches_of(
-    of: MechanismData, tree: bool, position: FloatArray, velocity: FloatArray
+    of: MechanismData, tree: bool, states: FloatArray
 ) -> tuple[list[Branch], dict[int, tuple[int, int]]]:
-    """Return the branches of a model from a start, (bodies, 3) each; and the branch and link of each body."""
-    grown = _Growing(position, velocity)
-    for hung in spanning(of, ideal_joints(of) if tree else _carriers(of)):
-        grown.add(hung)
-    return grown.branches, grown.places
+    """Return the branches of a model, and branch and link of every body.
+
+    ``states`` (2, bodies, 3) are positions and velocities at the start.
+    """
+    branches, places = list[Branch](), dict[int, tuple[int, int]]()
+    for body, joint, before in spanning(of, ideal_joints(of) if tree else _carriers(of)):
+        turn, parent, frame = states[:, body, 2], -1, Link(-1, "x")
+        if before == GROUND:
+            branches.append(Branch())
+            number = len(branches) - 1
+        else:
+            number, parent = places[before]
+            frame = branches[number].links[parent]
+            turn = turn - states[:, before, 2] + [frame.turned_rad, 0.0]
+        branch = branches[number]
+        if joint is None:
+            added = [(Link(k - 1, axis), states[:, body, k]) for k, axis in enumerate(AXES)]
+            added[-1] = replace(added[-1][0], body=body), turn
+        elif isinstance(joint, Pin):
+            ends = [(joint.body_i, joint.point_i), (joint.body_j, joint.point_j)]
+            (_, point), (_, (x, y)) = ends if before == joint.body_i else ends[::-1]
+            link = Link(parent, "turn", frame.place(point), body=body, centre_m=(-x, -y), name=joint.name)
+            added = [(link, turn)]
+        else:
+            added = _sliding(joint, before, parent, frame, turn, states, len(branch.links))
+        for link, (start, rate) in added:
+            branch.links.append(link)
+            branch.start.append(float(start))
+            branch.rates.append(float(rate))
+        places[body] = number, len(branch.links) - 1
+    return branches, places
 
 
 def _carriers(of: MechanismData) -> list[Joint]:
@@ -154,70 +171,27 @@ def _carriers(of: MechanismData) -> list[Joint]:
     return [*carriers.values()]
 
 
-class _Growing:
-    """Branches that grow by one body after the other, from a start (bodies, 3)."""
+def _sliding(
+    guide: Guide, before: int, parent: int, frame: Link, turn: FloatArray, states: FloatArray, number: int
+) -> list[tuple[Link, FloatArray]]:
+    """Return the links, from a number on, by which a guide hangs a body on one before, and their states.
 
-    def __init__(self, position: FloatArray, velocity: FloatArray) -> None:
-        self.branches, self.places = list[Branch](), dict[int, tuple[int, int]]()
-        self._position, self._velocity = position, velocity
-
-    def add(self, hung: Hung) -> None:
-        """Add a body; on the ground it begins a branch."""
-        body, joint, before = hung
-        if before == GROUND:
-            self.branches.append(Branch())
-            self._number, parent, frame = len(self.branches) - 1, -1, Link(-1, "x")
-            angle, spin = self._position[body, 2], self._velocity[body, 2]
-        else:
-            self._number, parent = self.places[before]
-            frame = self.branches[self._number].links[parent]
-            angle = self._position[body, 2] - (self._position[before, 2] - frame.turned_rad)
-            spin = self._velocity[body, 2] - self._velocity[before, 2]
-        if joint is None:
-            for axis, value, rate in zip(AXES, self._position[body], self._velocity[body], strict=True):
-                parent = self._link(Link(parent, axis, body=body if axis == "turn" else None), value, rate)
-        elif isinstance(joint, Pin):
-            ends = [(joint.body_i, joint.point_i), (joint.body_j, joint.point_j)]
-            (_, point), (_, own) = ends if before == joint.body_i else ends[::-1]
-            centre = -own[0], -own[1]
-            link = Link(parent, "turn", frame.place(point), body=body, centre_m=centre, name=joint.name)
-            self._link(link, angle, spin)
-        elif before == joint.body_i:
-            self._along(joint, parent, frame, angle, spin)
-        else:
-            self._behind(joint, parent, frame, angle, spin)
-
-    def _along(self, guide: Guide, parent: int, frame: Link, angle: float, spin: float) -> None:
-        """Add the body of a guide on what has the line."""
-        line, (s, rate) = guide.angle_rad + frame.turned_rad, self._way(guide)
-        centre, body, turn = (-guide.point_j[0], -guide.point_j[1]), guide.body_j, angle - line
-        sliding = Link(parent, "x", frame.place(guide.point_i), line, name=guide.name)
+    ``turn`` (2,) is the angle of the body against the frame of the link of the one before, and its rate.
+    """
+    s, name = np.concatenate(way(guide, states[:1], states[1:])), guide.name
+    if before == guide.body_i:
+        line, centre = guide.angle_rad + frame.turned_rad, (-guide.point_j[0], -guide.point_j[1])
+        link, turn = Link(parent, "x", frame.place(guide.point_i), line, name=name), turn - [line, 0.0]
         if guide.turns:
-            carrier = self._link(sliding, s, rate)
-            self._link(Link(carrier, "turn", body=body, centre_m=centre, name=guide.name), turn, spin)
-        else:
-            self._link(replace(sliding, body=body, centre_m=turned(turn, centre), turned_rad=turn), s, rate)
-
-    def _behind(self, guide: Guide, parent: int, frame: Link, angle: float, spin: float) -> None:
-        """Add the body that has the line on that of a guide."""
-        (s, rate), place, turn = self._way(guide), frame.place(guide.point_j), angle + guide.angle_rad
-        if guide.turns:
-            parent = self._link(Link(parent, "turn", place, name=guide.name), turn, spin)
-            place, turn = (0.0, 0.0), 0.0
-        centre = turned(-guide.angle_rad, (-guide.point_i[0], -guide.point_i[1]))
-        link = Link(parent, "x", place, turn, guide.body_i, centre, -guide.angle_rad, guide.name)
-        self._link(link, -s, -rate)
-
-    def _link(self, link: Link, start: float, rate: float) -> int:
-        """Add a link, and return its number."""
-        branch = self.branches[self._number]
-        branch.links.append(link)
-        branch.start.append(float(start))
-        branch.rates.append(float(rate))
-        if link.body is not None:
-            self.places[link.body] = self._number, len(branch.links) - 1
-        return len(branch.links) - 1
-
-    def _way(self, guide: Guide) -> tuple[float, float]:
-        s, rate = way(guide, self._position[None], self._velocity[None])
-        return float(s[0]), float(rate[0])
+            return [(link, s), (Link(number, "turn", body=guide.body_j, centre_m=centre, name=name), turn)]
+        centre = turned(turn[0], centre)
+        return [(replace(link, body=guide.body_j, centre_m=centre, turned_rad=turn[0]), s)]
+    # The body that has the line hangs on that which moves along it: the way is the other way round.
+    angle, place = guide.angle_rad, frame.place(guide.point_j)
+    turn = turn + np.array([angle, 0.0])
+    centre = turned(-angle, (-guide.point_i[0], -guide.point_i[1]))
+    link = Link(parent, "x", place, turn[0], guide.body_i, centre, -angle, name)
+    if not guide.turns:
+        return [(link, -s)]
+    pivot = Link(parent, "turn", place, name=name)
+    return [(pivot, turn), (replace(link, parent=number, offset_m=(0.0, 0.0), angle_rad=0.0), -s)]

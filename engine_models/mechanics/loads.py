@@ -7,6 +7,8 @@ about the origin. Whatever acts on a body acts the other way round on another on
 torques of loads, and loads along a line that is not on another body act from the ground.
 """
 
+from typing import Protocol
+
 import numpy as np
 
 from engine_models.engine import Contact, FloatArray, Trajectory
@@ -37,6 +39,17 @@ FIELDS = {
     "turning_viscous": "viscous_N_m_s",
     "torque_by_time": "torque_by_time",
 }
+
+
+class Touching(Protocol):
+    """Gap (n, 2) and forces (n,) of a joint with clearance, as in ``engine.Contact``."""
+
+    @property
+    def gap_m(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def normal_force_N(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def friction_force_N(self) -> FloatArray | None: ...  # noqa: D102
 
 
 def parts_of(load: Load) -> list[str]:
@@ -149,9 +162,13 @@ def wrenches(scene: Scene, run: Trajectory) -> FloatArray:
     for spring in of.springs:
         between(spring, spring_pull(spring, x, v)[1])
     for pin in of.pins:
-        between(pin, run.joint_force_N[pin.name])
         contact = run.contacts.get(pin.name)
-        if contact is not None and contact.friction_force_N is not None:
+        if contact is None:
+            between(pin, run.joint_force_N[pin.name])
+            continue
+        force = force_on_pin(contact)
+        between(pin, -force if pin.bearing_on_j else force)
+        if contact.friction_force_N is not None:
             own, bearing = (pin.body_i, pin.body_j) if pin.bearing_on_j else (pin.body_j, pin.body_i)
             of_bearing, of_pin = levers(pin, contact)
             total[:, own, 2] += of_pin * contact.friction_force_N
@@ -163,6 +180,16 @@ def _named(of: MechanismData, parts: dict[str, FloatArray]) -> list[tuple[Load, 
     """Return loads with the names of their parts among these."""
     names = [(load, f"{of.bodies[load.body].name}.{part}") for load in of.loads for part in parts_of(load)]
     return [(load, name) for load, name in names if name in parts]
+
+
+def force_on_pin(contact: Touching) -> FloatArray:
+    """Return the force of a bearing on its pin, (n, 2) in N."""
+    distance = np.maximum(np.hypot(*contact.gap_m.T), np.finfo(float).tiny)
+    x, y = contact.gap_m.T / distance
+    force = -contact.normal_force_N * np.array([x, y])
+    if contact.friction_force_N is not None:
+        force += contact.friction_force_N * np.array([-y, x])
+    return np.asarray(force.T)
 
 
 def levers(pin: Pin, contact: Contact) -> tuple[FloatArray, FloatArray]:

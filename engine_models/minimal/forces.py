@@ -14,13 +14,15 @@ from functools import cached_property
 
 import numpy as np
 
-from engine_models.engine import Contact, FloatArray, Trajectory
+from engine_models.engine import Contact, FloatArray, Trajectory, UnsupportedScene
+from engine_models.mechanics.loads import force_on_pin
 from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Numbers
+from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import data
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, NORMAL_LAWS
 
 #: Parts of loads whose works follow from the positions: those of the others are integrals over time.
 EXACT = ("force", "spring", "torque")
@@ -78,14 +80,18 @@ class Reactions:
     driver_torque_N_m: FloatArray | None
 
 
-def force_on_pin(contact: Contact | ContactStates) -> FloatArray:
-    """Return the force of a bearing on its pin, (n, 2) in N."""
-    distance = np.maximum(np.hypot(*contact.gap_m.T), np.finfo(float).tiny)
-    x, y = contact.gap_m.T / distance
-    force = -contact.normal_force_N * np.array([x, y])
-    if contact.friction_force_N is not None:
-        force += contact.friction_force_N * np.array([-y, x])
-    return np.asarray(force.T)
+def require_family(scene: Scene, engine: str) -> None:
+    """Refuse laws that the reference has by functions of their own, which an engine has no form for.
+
+    Raises:
+        UnsupportedScene: a joint has one.
+    """
+    for name, room in scene.clearances.items():
+        if room.law in NORMAL_LAWS:
+            expected = "a law of a stiffness and a damping, or of the dissipative family"
+            raise UnsupportedScene(
+                f"{engine}: clearance.{name}.law: expected {expected}, got {shown(room.law)}"
+            )
 
 
 class Forces(Numbers):
@@ -94,7 +100,7 @@ class Forces(Numbers):
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene.mechanism, np.zeros(3 * len(scene.mechanism.bodies)), _damping_of)
         self._short = "slider." if scene.is_short else ""
-        bodies = self._block(eq.BODIES)
+        bodies = self.block(eq.BODIES)
         #: Mass, mass and inertia of every body, (bodies, 3).
         self.masses = bodies[:, [0, 0, 1]]
 

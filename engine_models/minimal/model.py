@@ -171,8 +171,8 @@ class Numbers:
                 np.zeros((1, told)),
             ]
         )
-        self.contacts, self.phases = self._block(eq.CONTACTS), self._block(eq.PHASES)
-        self.order, self.told = self._block(eq.ORDER)[0], self._block(eq.TOLD)[0]
+        self.contacts, self.phases = self.block(eq.CONTACTS), self.block(eq.PHASES)
+        self.order, self.told = self.block(eq.ORDER)[0], self.block(eq.TOLD)[0]
 
     def rows_at(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return g (n, m) and B (n, m, 3b) of joints, guides and driver in positions (n, 3b) at t = 0."""
@@ -180,7 +180,8 @@ class Numbers:
         eq.react(self.p, np.ascontiguousarray(q), g, B)
         return g, B
 
-    def _block(self, number: int) -> FloatArray:
+    def block(self, number: int) -> FloatArray:
+        """Return a block of ``p``, of which a change changes it."""
         first, rows, columns = self.p[3 * number : 3 * number + 3].astype(int).tolist()
         return self.p[first : first + rows * columns].reshape(rows, columns)
 

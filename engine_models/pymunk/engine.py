@@ -22,6 +22,7 @@ from engine_models.engine import (
 from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.start import checked_start, unwound
 from engine_models.memory import require_memory
+from engine_models.minimal.forces import require_family
 from engine_models.minimal.run import trajectory_of
 from engine_models.pace import require_followed
 from engine_models.pymunk.loop import Loop
@@ -103,6 +104,7 @@ class PymunkEngine(CompiledEngine):
         Raises:
             UnsupportedScene: see ``check``.
         """
+        require_family(scene, "pymunk")
         twin = rigid_twin(scene) if self.contact == "rigid" else scene
         fixing = [*needs_one_step(twin), *([] if self.half_kick_start else ["half_kick_start = False"])]
         if self.shorter_in_contact > 1 and fixing:

@@ -16,7 +16,7 @@ from engine_models.scene.arguments import check_arguments
 from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown
 from engine_models.scene.units import in_own_units
 from reference_solver.mechanism import data
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, NORMAL_LAWS
 from reference_solver.mechanism.curves import curve_of
 from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Interpolation
 
@@ -63,9 +63,10 @@ SAME_SPEED = 1e-6
 #: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
 FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
 
-#: Laws that know no restitution, and all laws.
-LAWS_WITHOUT_RESTITUTION = ("linear", "kelvin-voigt", "hertz")
-LAWS = (*LAWS_WITHOUT_RESTITUTION, *DAMPING_FACTORS, "rigid")
+#: Laws with a damping, and all laws: those of a function of their own, and those of a factor a(e), are named
+#: where the solver has them.
+DAMPED_LAWS = ("kelvin-voigt", *sorted(NORMAL_LAWS.keys() - {"dissipative"}))
+LAWS = ("linear", "hertz", *DAMPED_LAWS, *DAMPING_FACTORS, "rigid")
 if TYPE_CHECKING:
     ContactLaw = str
 else:
@@ -313,8 +314,8 @@ class Clearance(SceneData):
             require_presence(False, "stiffness", self.stiffness, when)
         require_presence(by_material, "young_modulus_Pa", self.young_modulus_Pa, when)
         require_presence(by_material, "poisson_ratio", self.poisson_ratio, when)
-        require_presence(law == "kelvin-voigt", "damping_N_s_m", self.damping_N_s_m, with_law)
-        require_presence(law not in LAWS_WITHOUT_RESTITUTION, "restitution", e, with_law)
+        require_presence(law in DAMPED_LAWS, "damping_N_s_m", self.damping_N_s_m, with_law)
+        require_presence(law in DAMPING_FACTORS or law == "rigid", "restitution", e, with_law)
         if e == 0 and law in DAMPING_FACTORS:
             try:
                 DAMPING_FACTORS[law](0.0)

@@ -5,11 +5,11 @@ gets -F_n n + F_t t, the bearing the opposite, both at one point in the middle o
 R_i + delta/2 from the bearing's centre and R_j - delta/2 from the pin's.
 """
 
-from reference_solver.contact.types import CLIPPED, FLIGHT
 from reference_solver.mechanism.contact_laws import FRICTION_LAWS, NORMAL_LAWS
 from reference_solver.mechanism.loads import Forces, pair
 from reference_solver.mechanism.mechanism import ClearanceJoint
 from reference_solver.mechanism.points import State, ends_of
+from reference_solver.run import CLIPPED, FLIGHT
 from reference_solver.tape import Scalar, array, choose, equal, larger, sqrt, when
 
 #: As a part of the clearance: round-off of the penetration.
@@ -86,7 +86,7 @@ def elastic_force(joint: ClearanceJoint, phase: Scalar, state: State) -> Forces:
 def gap(
     joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State, pressing: Scalar = 0.0
 ) -> dict[str, Scalar]:
-    """Return the fields of ``contact.types.GAP_RECORD``.
+    """Return the fields of ``run.Gap``.
 
     g = (d.d - c^2)/(2c), polynomial in d, has the sign of the penetration and its slope at touch. Where the
     elastic force vanishes, "push" is as it is at a ``LEAST_DEPTH``; of a pin that follows a rigid wall it is

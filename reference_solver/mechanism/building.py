@@ -9,6 +9,7 @@ import numpy as np
 
 from reference_solver.mechanism import data, mechanism, motions
 from reference_solver.mechanism.contact_laws import (
+    NORMAL_LAWS,
     ContactLaw,
     FrictionLaw,
     RigidWall,
@@ -187,6 +188,7 @@ def _law(room: data.ClearanceData) -> ContactLaw | RigidWall:
         room.damping_N_s_m or 0.0,
         minimum_impact_speed_of(room),
         room.may_pull,
+        room.law if room.law in NORMAL_LAWS else "dissipative",
     )
 
 

@@ -145,7 +145,7 @@ class ContactLaw:
 
 @dataclass(frozen=True)
 class RigidWall:
-    """A wall that does not give (see ``rigid.settling``): Newton's restitution, of the normal speed.
+    """A wall that does not give (see ``impacts``): Newton's restitution, of the normal speed.
 
     An approach slower than ``minimum_impact_speed_m_s`` closes without rebound.
     """

@@ -364,7 +364,7 @@ class Mechanism:
 
     @property
     def knots_by_angle(self) -> tuple[tuple[float, float, int, int], ...]:
-        """Angles in rad at which loads are not smooth: see ``contact.types.KNOT_RECORD``."""
+        """Angles in rad at which loads are not smooth: see ``run.KNOT_RECORD``."""
         return tuple(
             (x, load.force_N.period, 3 * load.crank + 2, int(load.force_N.straight))
             for load in self.gas

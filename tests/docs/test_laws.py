@@ -12,13 +12,7 @@ from scipy.special import lambertw
 from engine_models.scene.format import LAWS
 from engine_models.scene.format import FrictionLaw as FrictionName
 from engine_models.scene.library import clearance
-from reference_solver.mechanism.contact_laws import (
-    DAMPING_FACTORS,
-    FRICTION_LAWS,
-    NORMAL_LAWS,
-    FrictionLaw,
-    stiffness_of,
-)
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, FRICTION_LAWS, FrictionLaw, stiffness_of
 from tests.docs.pages import table
 
 PAGE = "docs/laws.md"
@@ -46,7 +40,7 @@ def value(formula: str, **names: float) -> float:
 
 
 def test_every_law_and_every_damping_factor_of_the_code_is_on_the_page() -> None:
-    assert {*LAWS} | (NORMAL_LAWS.keys() - {"dissipative"}) == FAMILY.keys()
+    assert {*LAWS} == FAMILY.keys()
     assert set(get_args(FrictionName)) == FRICTION_LAWS.keys() == FRICTION.keys()
     assert set(WITH_FACTOR) == DAMPING_FACTORS.keys()
 

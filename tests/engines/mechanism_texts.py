@@ -14,28 +14,16 @@ from engine_models.scene.scene import Scene
 #: Of the files of the library's mechanisms.
 FOLDER = Path(library.__file__).parent
 
-CRANK_SLIDER = """
-name = "crank-slider"
-end_time_s = 1.0
-gravity_m_s2 = 9.81
-crank = { length_m = 0.05, mass_kg = 0.3, inertia_kg_m2 = 1e-05, centre_of_mass_m = 0.025 }
-rod = { length_m = 0.12, mass_kg = 0.21, inertia_kg_m2 = 2.5e-05, centre_of_mass_m = 0.06 }
-slider = { mass_kg = 0.14, inertia_kg_m2 = 0.0001 }
-start = { crank_angle_rad = 0.0, crank_speed_rad_s = 62.83185307179586 }
-drive = { kind = "free" }
-"""
-FOUR_BAR, FOUR_BAR_CLEARANCE, ANDREWS, SCOTCH_YOKE, QUICK_RETURN, V_TWIN, OFFSET_CRANK_SLIDER = (
-    (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
-    for name in (
-        "four-bar",
-        "four-bar-clearance",
-        "andrews-squeezer",
-        "scotch-yoke",
-        "quick-return",
-        "v-twin",
-        "offset-crank-slider",
-    )
+#: The library's mechanisms of the truth, by short names.
+FILES = {"crank-slider": "ideal-free", "andrews": "andrews-squeezer"}
+NAMES = (
+    *("crank-slider", "offset-crank-slider", "four-bar", "andrews"),
+    *("scotch-yoke", "quick-return", "v-twin", "four-bar-clearance"),
 )
+TEXTS = {name: (FOLDER / f"{FILES.get(name, name)}.toml").read_text(encoding="utf-8") for name in NAMES}
+CRANK_SLIDER, OFFSET_CRANK_SLIDER, FOUR_BAR, ANDREWS = (TEXTS[name] for name in NAMES[:4])
+SCOTCH_YOKE, QUICK_RETURN, V_TWIN, FOUR_BAR_CLEARANCE = (TEXTS[name] for name in NAMES[4:])
+TEXTS["crank-slider-clearance"] = library.clearance_driven_05().replace("end_time_s", 0.006).to_toml()
 WALL = """
 radial_clearance_m = 5e-4
 bearing_radius_m = 0.01
@@ -44,14 +32,6 @@ young_modulus_Pa = 207e9
 poisson_ratio = 0.3
 restitution = 0.9
 """
-CRANK_SLIDER_CLEARANCE = (
-    CRANK_SLIDER.replace("1e-05", "1e-4")
-    .replace("2.5e-05", "2.5e-4")
-    .replace("end_time_s = 1.0", "end_time_s = 0.006")
-    .replace("62.83185307179586", "523.5987755982989")
-    .replace("free", "constant-speed")
-    + f"[clearance.B]{WALL}"
-)
 #: A crank and a rocker of one length on a base of another: flat, and singular, whenever the crank is along x.
 PARALLELOGRAM = """
 name = "parallelogram"
@@ -69,19 +49,6 @@ speed_rad_s = { left = 2.0 }
 [drive]
 kind = "constant-speed"
 """
-#: The mechanisms of the truth, by their names.
-TEXTS = {
-    "crank-slider": CRANK_SLIDER,
-    "offset-crank-slider": OFFSET_CRANK_SLIDER,
-    "four-bar": FOUR_BAR,
-    "andrews": ANDREWS,
-    "scotch-yoke": SCOTCH_YOKE,
-    "quick-return": QUICK_RETURN,
-    "v-twin": V_TWIN,
-    "four-bar-clearance": FOUR_BAR_CLEARANCE,
-    "crank-slider-clearance": CRANK_SLIDER_CLEARANCE,
-}
-
 #: Where the bodies are at the end: x and y of centres of mass in m, angles in rad.
 ENDS: dict[str, dict[str, tuple[float, float, float]]] = {
     "crank-slider": {

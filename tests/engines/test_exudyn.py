@@ -19,7 +19,7 @@ from engine_models.engine import (
 )
 from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.engine import ExudynEngine
-from engine_models.exudyn.model import build_model
+from engine_models.exudyn.model import Model
 from engine_models.exudyn.solver import silence
 from engine_models.mechanics.energy import energy_balance_residual_J
 from engine_models.mechanics.start import start_state, started_from
@@ -71,7 +71,8 @@ def pressed(gap: Clearance, rate_m_s: float, sliding_m_s: float) -> Scene:
 def exudyn_force(of: Scene) -> FloatArray:
     """Return the force on the pin that Exudyn itself computes at the start."""
     with silence():
-        mbs = build_model(of, tree=True).mbs
+        model = Model(of, tree=True)
+        mbs = model.mbs
         objects = range(mbs.systemData.NumberOfObjects())
         (contact,) = (k for k in objects if mbs.GetObject(k)["objectType"] == "ContactSphereSphere")
         return np.asarray(mbs.GetObjectOutput(contact, exu.OutputVariableType.Force))[:2]

@@ -93,10 +93,6 @@ def test_peers_of_the_literature_end_where_theirs_do() -> None:
 GENERAL = [name for name, text in TEXTS.items() if "[body]" in text]
 
 
-def general(text: str, **changes: object) -> Scene:
-    return scene(text, **changes)
-
-
 def pair(place: Place) -> FloatArray:
     return np.array(place if isinstance(place, tuple) else (place, 0.0))
 
@@ -114,7 +110,7 @@ def gaps(of: Scene, q: FloatArray) -> list[float]:
 
 @pytest.mark.parametrize("name", GENERAL)
 def test_a_start_is_closed_and_what_is_held_is_exact_whatever_else_is_told(name: str) -> None:
-    of = general(TEXTS[name])
+    of = scene(TEXTS[name])
     q, v = start_state(of)
     assert max(gaps(of, q)) < 1e-12
     assert max(gaps(of, q + 1e-7 * v)) < 1e-7 * 1e-4 * (1 + np.abs(v).max()), "speeds keep them closed"
@@ -129,7 +125,7 @@ def test_a_start_is_closed_and_what_is_held_is_exact_whatever_else_is_told(name:
 
 def test_a_way_along_a_turning_guide_is_held_and_speeds_are_those_of_the_closed_form() -> None:
     way = 0.26  # from pin C, 0.2 below the crank's pivot, to its pin A: the law of cosines
-    of = general(QUICK_RETURN, start__hold=["slot"], start__position_m={"slot": way})
+    of = scene(QUICK_RETURN, start__hold=["slot"], start__position_m={"slot": way})
     q, _ = start_state(of)
     assert np.sin(q[0, 2]) == pytest.approx((way**2 - 0.2**2 - 0.08**2) / (2 * 0.2 * 0.08), abs=1e-13)
     assert max(gaps(of, q)) < 1e-12
@@ -158,7 +154,7 @@ def test_a_plain_crank_slider_starts_by_the_closed_formulas(name: str) -> None:
 
 def test_whole_turns_come_out_as_they_are_told() -> None:
     turns = 2000 * math.pi
-    plain, told = general(FOUR_BAR), {"crank": 0.7 + turns, "coupler": 0.5 - turns, "rocker": 1.8 + turns}
+    plain, told = scene(FOUR_BAR), {"crank": 0.7 + turns, "coupler": 0.5 - turns, "rocker": 1.8 + turns}
     own, other = (run(DOP853, of, 1) for of in (plain, plain.replace("start.angle_rad", told)))
     assert other.position[0, 0, 2] == told["crank"]
     expected = own.position.copy()
@@ -176,7 +172,7 @@ SIZES = {
 
 @pytest.mark.parametrize("name", SIZES)
 def test_check_counts_rows_and_freedoms_and_tells_what_it_moved(name: str) -> None:
-    of = general(TEXTS[name])
+    of = scene(TEXTS[name])
     size, start, least, *_ = inspect(of)
     assert size == f"{of.name}: {SIZES[name]}, 1 degree of freedom"
     moved = np.abs(start_state(of)[0][:, 2] - [of.start.angle_rad.get(body, 0.0) for body in of.body])

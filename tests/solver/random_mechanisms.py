@@ -8,7 +8,6 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from reference_solver.contact.types import CLIPPED, CONTACT, CONTACT_RECORD
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.kernel import FUNCTIONS, Given, Kernel, Topology, place_of_h
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
@@ -16,6 +15,7 @@ from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, C
 from reference_solver.mechanism.motions import Course, Fluctuation, Ramp, Steady
 from reference_solver.mechanism.tables import PiecewiseCubic
 from reference_solver.methods import RK4, dop853
+from reference_solver.run import CLIPPED, CONTACT, CONTACT_RECORD
 
 FloatArray = NDArray[np.float64]
 CONSTRAINTS: tuple[type, ...] = get_args(Constraint)

@@ -4,13 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference_solver.contact import types
 from reference_solver.equations import Equations
+from reference_solver.impacts import Impacts
 from reference_solver.kernel import Kernel, Topology
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.rigid.bouncing import Bouncing, followers, logged_impacts
-from reference_solver.rigid.loop import bounce_by_error
-from reference_solver.solver import contact_record
+from reference_solver.run import FLIGHT, Impact, new_run
 from reference_solver.tape import FloatArray
 
 
@@ -18,7 +16,7 @@ class Rebound(NamedTuple):
     """{q'} after an event (n,), what its pins did, the drivers' work in J, and who follows from then on."""
 
     v: FloatArray
-    impacts: list[types.Impact]
+    impacts: list[Impact]
     driver_work_J: float
     following: tuple[int, ...]
 
@@ -33,23 +31,20 @@ class Rebounds:
         equations, topology = Equations(mechanism, q_start), Topology(mechanism, projected=True)
         sums = [*equations.power_names, "removed"]
         self._kernel = Kernel(topology, q_start)
-        self._bouncing = Bouncing(equations, sums, self._kernel["walls"].address, self._kernel.p, 0.0, lowest)
-        contacts = np.array([contact_record(joint) for joint in mechanism.contacts], types.CONTACT_RECORD)
-        sizes = len(q_start), len(sums), len(equations.C)
-        self._run = types.new_run(topology.method, contacts, sizes, np.zeros(1), 1)
-        self._kernel.bind(self._run)
+        self._impacts = Impacts(equations, sums, self._kernel["walls"], self._kernel.p)
+        sizes = len(q_start), len(equations.C)
+        self._run = new_run(topology.method, mechanism.contacts, sums, sizes, np.zeros(1))
+        self._run.state["lowest"] = lowest
 
     def __call__(self, t: float, q: FloatArray, v: FloatArray) -> Rebound:
         """Have the pins hit that fly and touch their walls at q and v, each (n,).
 
         Raises:
-            SolverError: there is no way on (see ``Bouncing.refuse``).
+            SolverError: there is no way on (see ``Impacts.resolve``).
         """
-        run, s = self._run, self._bouncing.settling
-        run.old.q[:], run.old.v[:], run.old.sums[:] = q, v, 0.0
-        run.contacts["phase"], run.clock["time"], run.clock["rigid"] = types.FLIGHT, t, -1
-        s.control["alone"] = 1
-        if bounce_by_error(*types.plain((run, s))) == types.REFUSED:
-            self._bouncing.refuse(run)
-        work, following = float(run.old.sums[0]), followers(run.contacts, s)
-        return Rebound(run.old.v.copy(), logged_impacts(s), work, following)
+        run, impacts = self._run, self._impacts
+        run.q[:], run.v[:], run.sums[:] = q, v, 0.0
+        run.contacts["phase"], run.state["time"], run.state["wall"] = FLIGHT, t, -1
+        impacts.impacts.clear()
+        impacts.resolve(run)
+        return Rebound(run.v.copy(), [*impacts.impacts], float(run.sums[0]), impacts.following)

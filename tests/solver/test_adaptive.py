@@ -16,12 +16,12 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.start import start_state
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES
-from reference_solver.contact.controlled_step import Course, trial
-from reference_solver.contact.types import CONTACT_RECORD, WEIGHT, new_run, plain, run_of
 from reference_solver.kernel import Kernel, Topology
+from reference_solver.loop import Step, estimated
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, RevoluteJoint
 from reference_solver.methods import dop853, tableau
+from reference_solver.run import SLOPES, WEIGHT, new_run
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice, solve
 from studies.extremes import gallery
@@ -215,21 +215,22 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
 
     disc = Mechanism((Body(1.0, 1.0),), (), (), 0.0)
     kernel = Kernel(Topology(disc, method=dop853()), np.zeros(3))
-    run = new_run(dop853(), np.zeros(0, CONTACT_RECORD), (3, 2, 0), np.zeros(0), 0)
+    run = new_run(dop853(), (), ["drivers", "removed"], (3, 0), np.zeros(0))
     kernel.bind(run)
-    run.slopes[WEIGHT, :6] = 1.0
-    (now,) = run.clock
+    run.rows[WEIGHT, :6] = 1.0
+    (state,) = run.state
 
     def rates(*given: Any) -> float:
-        number = (given[-1] - now["rows"]) // now["width"]
-        run.slopes[number, 0] = huge if number == row else 0.0
+        number = (given[-1] - state["at"]) // state["width"]
+        run.rows[number, 0] = huge if number == SLOPES + row else 0.0
         return 1.0
 
     number = ctypes.c_int64
     called = ctypes.CFUNCTYPE(ctypes.c_double, number, number, ctypes.c_double, number, number)(rates)
-    now["rates"] = ctypes.cast(called, ctypes.c_void_p).value
-    tried = njit(lambda parts: trial(run_of(parts), Course(0.0, 0.0, 0.0), 1.0), error_model="numpy")
-    assert tried(plain(run)) == np.inf
+    state["rates"] = ctypes.cast(called, ctypes.c_void_p).value
+    step = Step(0.0, 0.0, 0.0, 1.0, 1.0)
+    error = njit(lambda state, rows: estimated(state[0], rows, step), error_model="numpy")
+    assert error(run.state, run.rows) == np.inf
 
 
 # Crank-sliders

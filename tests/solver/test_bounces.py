@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reference_solver.contact.types import Impact
 from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, ContactLaw, FrictionLaw, RigidWall
 from reference_solver.mechanism.mechanism import Body, Mechanism, SpringDamper
+from reference_solver.run import Impact
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice
 from tests.helpers.kernels import straight_guide

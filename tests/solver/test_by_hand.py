@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from reference_solver.contact.force import contact_force
-from reference_solver.contact.types import CONTACT
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.contact_laws import (
     DAMPING_FACTORS,
@@ -25,6 +24,7 @@ from reference_solver.mechanism.mechanism import (
 )
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, dop853, dopri5
+from reference_solver.run import CONTACT
 from reference_solver.solver import LOWEST_FLIGHT
 from reference_solver.tape import power
 from tests.solver.rebounds import Rebounds

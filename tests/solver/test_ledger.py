@@ -16,7 +16,6 @@ from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from reference_solver import methods
-from reference_solver.contact.types import CLIPPED, CONTACT
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contact_laws import ContactLaw
 from reference_solver.mechanism.mechanism import (
@@ -28,6 +27,7 @@ from reference_solver.mechanism.mechanism import (
     SpringDamper,
     Torque,
 )
+from reference_solver.run import CLIPPED, CONTACT
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 from tests.engines.runs import errors
 from tests.helpers.kernels import CASES

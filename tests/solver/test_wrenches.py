@@ -11,9 +11,9 @@ from engine_models.mechanics.states import lever_m
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.file import from_toml
 from engine_models.scene.scene import Scene
-from reference_solver.contact.types import CONTACT, FLIGHT
 from reference_solver.equations import Equations
 from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.run import CONTACT, FLIGHT
 from studies.judges.columns import sample_columns
 from tests.engines.runs import fresh, run
 from tests.scenes import scene

@@ -108,8 +108,6 @@ for line in sys.argv[1].splitlines():
     sys.stdout = sys.__stdout__
     print(*sys.modules)
 """
-#: Parts of SciPy, which take as long to load as all else that a run by DOP853 needs.
-SLOW = {"scipy.integrate", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.stats"}
 
 
 def loaded_behind(*commands: str) -> list[set[str]]:
@@ -124,12 +122,3 @@ def test_help_and_lists_come_without_numbers() -> None:
     heavy = {"exudyn", "pymunk", "numba", "scipy", "pandas", "matplotlib"}
     assert not first[2] & {"numpy", "numba", "matplotlib"}
     assert not shown & heavy
-
-
-def test_a_run_loads_no_compiler_and_no_slow_part_of_scipy(tmp_path: Path) -> None:
-    simulate = f"simulate ideal-free --end 0.01 --out {tmp_path}/run.csv"
-    assert crankslider(*simulate.split()).code == 0  # now its kernel is kept
-    by_rk4, by_dop853 = loaded_behind(simulate, f"{simulate} --set method=dop853")
-    assert "numba" in by_rk4
-    assert not by_rk4 & {"pandas", "matplotlib", "rich.progress", "scipy.integrate", "scipy.optimize"}
-    assert not by_dop853 & (SLOW - {"scipy.linalg"})  # which Numba's loader asks for

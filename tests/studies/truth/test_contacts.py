@@ -12,10 +12,10 @@ from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_
 from engine_models.mechanics.start import started_from
 from engine_models.minimal.model import damping_of
 from engine_models.scene.file import from_toml
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
 from studies.judges.converged_truth import CONFIRMING, REFERENCE, TRUE, truth_by
 from studies.judges.metrics import constraint_violation_m
 from tests.engines.runs import errors, numbers, true_solution
-from tests.helpers.random_scenes import WITH_RESTITUTION
 from tests.scenes import NAMES, scene
 
 #: Approach speed in m/s, stiffness in N/m^n, clearance in m and mass in kg.
@@ -61,7 +61,7 @@ def bounced(law: str, **constants: float | str) -> tuple[float, float, float]:
     return float(back), float(impacts.duration_s[0]), spin
 
 
-@pytest.mark.parametrize("law", WITH_RESTITUTION)
+@pytest.mark.parametrize("law", DAMPING_FACTORS)
 def test_a_bounce_has_the_restitution_of_its_law(law: str) -> None:
     """e_out = [1 + W0(-(1 + a) exp(-(1 + a)))]/a, whatever mass and stiffness."""
     a = damping_of(law, 0.7)

@@ -1,0 +1,420 @@
+"""Impacts on rigid walls, and what the pins that touch them at one time do then: they follow, or leave.
+
+N are the rows of inward normal speed u_n at the joints that touch, T those of tangential speed u_t, D both.
+The impulses Lambda obey  u+ = u- + W Lambda,  W = D ([M]^-1 - [M]^-1 B^T G^-1 B [M]^-1) D^T,
+G = B [M]^-1 B^T: the impulses of the ideal joints are eliminated. For one frictionless contact this is
+
+    q'+ = q'- - (1 + e) [M]^-1 B^T (B [M]^-1 B^T)^-1 (B q'-)_n
+
+with the contact's row in B and e applied to that row only, and the loss is (1 - e^2)/2 v_n^2/W_nn.
+
+* Normal: Newton's law with complementarity (Moreau 1988; Pfeiffer and Glocker 1996): all pins that touch take
+  part at once,  Lambda_n >= 0,  u_n+ + e u_n- >= 0,  one of them zero; e = 0 where a pin does not approach.
+* Tangential: Coulomb's law on the impulse (Whittaker 1904; Kane and Levinson 1985): the impulse that leaves
+  u_t+ = 0 if it is at most mu Lambda_n, else mu Lambda_n against the sliding that remains.
+* That law can create energy where normal and tangential motion are coupled (Kane 1984). Then the impulses
+  are moved back towards the frictionless ones, Lambda = (1 - s) Lambda_0 + s Lambda_1, with the largest s at
+  which the kinetic energy does not grow: both ends keep the laws' signs and limits, and so does every s.
+* In turns: of the pins that touch within round-off those that come or rest take part at once; two that hit at
+  different times, however close, do so one after the other. Two that hit in turns ever faster, each thrown
+  out by the other's impact, go on at one time when round-off hides the distances in between.
+* Closing: an impact has e = 0 if the next flight would be too short, or its approach is below the joint's
+  minimum. Too short is 2 v+/a below the run's ``shortest_s``, or v+^2/2a within round-off of the distance,
+  with a the acceleration towards the wall. A pin on its wall that another's impact throws off for as short a
+  flight is kept there: normal speeds are projected out, which takes energy too. So rapidly converging bounces
+  (Zeno), of one joint or of several in turns, end; the energy this takes is a line of its own in the ledger.
+* Following or leaving: pins on the wall without normal speed are sorted by the complementarity of
+  accelerations and normal forces (Pfeiffer and Glocker 1996). Friction is part of the accelerations: its law
+  is regularised, so that at the given speeds it is a given part of each normal force. Then
+  a_n = b + (W_nn - W_nt diag(mu f)) F_n, and one set of forces fits as long as all principal minors of this
+  matrix are positive; otherwise there is Painleve's paradox.
+
+A pin that hits alone, without friction, and flies off again has its rebound in the loop (``loop.bounce``).
+"""
+
+from dataclasses import dataclass
+from itertools import chain, combinations, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_solver import failures
+from reference_solver.contact.wall_friction import LEAST_MOBILITY
+from reference_solver.contact.walls import separation
+from reference_solver.equations import Answer, Equations
+from reference_solver.mechanism.contact_laws import FRICTION_LAWS, RigidWall
+from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
+from reference_solver.mechanism.points import State
+from reference_solver.run import CONTACT, DEPENDENT, FLIGHT, FLIGHT_HEIGHT, OLD, WALL_FIELDS, Impact, Run
+from reference_solver.solution import ModeChange
+from reference_solver.tape import Array, FloatArray, Scalar, array
+
+Chosen = NDArray[np.bool_]
+
+EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
+#: Units of the largest term by which complementarity may be missed, part of its diagonal's product below
+#: which a minor is round-off, and slack of signs and limits when a case of sticking or sliding is judged.
+SLACK, LEAST_MINOR, CASE_SLACK = 16 * EPS, 1e-12, 1e-10
+#: Impacts at one time, of pins that hit in turns, after which all that touch take part in one; and events at
+#: one time, per contact: more than a few mean that they have no end.
+MOST_IN_TURNS, EVENTS_AT_ONCE = 100, 20
+#: What a contact may do in an impact: stick, slide with this sign, or open.
+STICK, MINUS, PLUS, OPEN = range(4)
+
+
+# ------------------------------------------------------------------------------ small systems
+
+
+def solve(A: FloatArray, b: FloatArray) -> tuple[FloatArray, bool]:
+    """Return x of A x = b, and whether A has full rank, whatever the units of its rows and columns are."""
+    if not (len(b) and np.isfinite(A).all() and np.isfinite(b).all()):
+        return np.zeros(len(b)), len(b) == 0
+    rows = 1.0 / np.maximum(np.abs(A).max(axis=1), TINY)
+    columns = 1.0 / np.maximum(np.abs(A * rows[:, None]).max(axis=0), TINY)
+    x, _, rank, _ = np.linalg.lstsq(A * rows[:, None] * columns, b * rows, rcond=len(b) * EPS)
+    return columns * x, bool(rank == len(b))
+
+
+def complementary(W: FloatArray, b: FloatArray) -> FloatArray:
+    """Return z >= 0 with W z + b >= 0 and z.(W z + b) = 0, for a W with positive principal minors.
+
+    The solution is unique (Cottle, Pang and Stone 1992); symmetric positive definite is enough. Where
+    round-off leaves several sets of positive z nearly right, the one that violates its signs least is taken,
+    and of equals the smallest. Sets of contacts that repeat one another are left out: fewer will do.
+    """
+    k, best, least = len(b), np.zeros(len(b)), np.inf
+    for size in range(k + 1):
+        for members in map(list, reversed(list(combinations(range(k), size)))):
+            z = np.zeros(k)
+            z[members], full = solve(W[np.ix_(members, members)], -b[members])
+            others = [i for i in range(k) if i not in members]
+            short = np.concatenate([-z[members] * W[members, members], -(W @ z + b)[others]])
+            violation = short.max(initial=0.0)
+            if full and violation < least:
+                best, least = np.maximum(z, 0.0), violation
+            if least <= SLACK * np.abs(b).max(initial=0.0):
+                return best
+    return best
+
+
+def least_minor_ratio(W: FloatArray, plain: FloatArray) -> float:
+    """Return the least ratio of the principal minors of W to those of another matrix, both (k, k).
+
+    Minors of that which are round-off beside the product of its diagonal are left out; 1 with none left.
+    """
+    least, k = 1.0, len(W)
+    for members in chain.from_iterable(combinations(range(k), size) for size in range(1, k + 1)):
+        part = np.ix_(members, members)
+        reference = np.linalg.det(plain[part])
+        if reference > LEAST_MINOR * np.diag(plain)[list(members)].prod():
+            least = min(least, float(np.linalg.det(W[part]) / reference))
+    return least
+
+
+# ---------------------------------------------------------------------------------- one impact
+
+
+def find_impulses(
+    W: FloatArray, u: FloatArray, restitution: FloatArray, friction: FloatArray, tangent: list[int]
+) -> FloatArray:
+    """Return the impulses (m,) of k joints that hit, by the laws above.
+
+    W (m, m) and u (m,) are of their normals, then of tangents where they rub; ``tangent`` (k,) is the number
+    of a joint's row there, or -1.
+    """
+    k, m = len(restitution), len(u)
+    plain = np.zeros(m)
+    plain[:k] = complementary(W[:k, :k], (1.0 + restitution) * u[:k])
+    if m == k or not (plain > 0.0).any():
+        return plain
+    every: tuple[int, ...] = (STICK, MINUS, PLUS, OPEN)
+    for case in product(*(every if row >= 0 else (PLUS, OPEN) for row in tangent)):
+        # One condition per unknown: Lambda = 0 where none of these.
+        A, b = np.eye(m), np.zeros(m)
+        for i, (state, row) in enumerate(zip(case, tangent, strict=True)):
+            if state != OPEN:
+                A[i], b[i] = W[i], -(1.0 + restitution[i]) * u[i]
+            if row >= 0 and state == STICK:
+                A[row], b[row] = W[row], -u[row]
+            elif row >= 0 and state != OPEN:
+                A[row, i] = friction[i] if state == MINUS else -friction[i]
+        rubbed, full = solve(A, b)
+        if full and keeps_conditions(W, u, restitution, friction, tangent, case, rubbed):
+            return moved_back(W, u, plain, rubbed)
+    return plain
+
+
+def keeps_conditions(
+    W: FloatArray,
+    u: FloatArray,
+    restitution: FloatArray,
+    friction: FloatArray,
+    tangent: list[int],
+    case: tuple[int, ...],
+    impulse: FloatArray,
+) -> bool:
+    """Return whether impulses keep signs, Coulomb's limits, and the direction of sliding of their case."""
+    after, little, slow = u + W @ impulse, CASE_SLACK * np.abs(impulse).max(), CASE_SLACK * np.abs(u).max()
+    for i, (state, row) in enumerate(zip(case, tangent, strict=True)):
+        if impulse[i] < -little or after[i] + restitution[i] * u[i] < -slow:
+            return False
+        if row < 0:
+            continue
+        if state == STICK and abs(impulse[row]) > friction[i] * impulse[i] + little:
+            return False
+        if (state == MINUS and -after[row] > slow) or (state == PLUS and after[row] > slow):
+            return False
+    return True
+
+
+def moved_back(W: FloatArray, u: FloatArray, plain: FloatArray, rubbed: FloatArray) -> FloatArray:
+    """Return the impulses nearest ``rubbed``, on the way from the frictionless ones, that let no energy grow.
+
+    The growth is g0 + s g1 + s^2 g2 with g0 <= 0 and g2 >= 0: one root in [0, 1].
+    """
+    way = rubbed - plain
+    g0 = plain @ (u + 0.5 * W @ plain)
+    g1, g2 = way @ (u + W @ plain), 0.5 * way @ W @ way
+    part: Any = 1.0
+    if g0 + g1 + g2 > 0.0:
+        root = np.sqrt(max(float(g1 * g1 - 4.0 * g0 * g2), 0.0))
+        part = -2.0 * g0 / (g1 + root) if g1 > 0.0 else (root - g1) / (2.0 * g2)
+    return np.asarray(plain + min(max(part, 0.0), 1.0) * way)
+
+
+# ------------------------------------------------------------------------------------- walls
+
+
+def rigid_joints(mechanism: Mechanism) -> list[tuple[int, ClearanceJoint, RigidWall]]:
+    """Return number, joint and wall of the contacts that are rigid."""
+    contacts = enumerate(mechanism.contacts)
+    return [(k, joint, joint.law) for k, joint in contacts if isinstance(joint.law, RigidWall)]
+
+
+def walls_at(equations: Equations, answer: Answer, t: Scalar, q: Array, v: Array) -> list[Scalar]:
+    """Return what R rigid walls have to know of a state of n coordinates, no pin following, for ``Walls``.
+
+    ``answer`` is that of the equations there.
+    """
+    state, system = State(q, v), equations.system(t, q, v)
+    joints = [joint for _, joint, _ in rigid_joints(equations.mechanism)]
+    at = [separation(joint, state) for joint in joints]
+    tangents = [each.tangent for each, joint in zip(at, joints, strict=True) if joint.friction is not None]
+    D = array([*(-each.normal for each in at), *tangents])
+    motion, reactions = equations.factors(system.B).solve(D.T, np.zeros((len(system.C), len(D))))
+    W = D @ motion
+    numbers: list[Scalar] = []
+    for each, joint, row in zip(at, joints, D, strict=False):
+        bare = (row * row) @ equations.inverse_mass
+        law = joint.friction
+        sliding = each.tangent @ v
+        share = 0.0 if law is None else law.coefficient * FRICTION_LAWS[law.kind](law, sliding)
+        numbers += [each.distance, each.rate, each.turning, each.noise, each.rate_noise, bare, share]
+    parts = D, motion.T, 0.5 * (W + W.T), reactions.T @ system.C, answer.accelerations
+    return [*numbers, *(x for part in parts for x in np.asarray(part).ravel())]
+
+
+@dataclass(frozen=True)
+class Walls:
+    """R joints with rigid walls at a state: how their pins answer to impulses and forces, no pin following.
+
+    They push along S rows ``D`` (S, n) of {q'}: of every joint the inward normal speed, then of those with
+    friction the tangential one. ``motion`` (S, n) are {q'} per unit of each impulse, ``W`` (S, S) speeds
+    along all rows, ``drivers`` (S,) the work of the drivers; ``free`` (n,) are the accelerations. Of every
+    joint, (R,): its ``Separation``, the mobility along the normal that free bodies would have, in 1/kg, and
+    friction as a part of the normal force.
+    """
+
+    distance: FloatArray
+    rate: FloatArray
+    turning: FloatArray
+    noise: FloatArray
+    rate_noise: FloatArray
+    bare: FloatArray
+    share: FloatArray
+    D: FloatArray
+    motion: FloatArray
+    W: FloatArray
+    drivers: FloatArray
+    free: FloatArray
+
+    @property
+    def rests(self) -> Chosen:
+        """Return which pins have no normal speed but round-off."""
+        return np.asarray(np.abs(self.rate) <= self.rate_noise)
+
+
+def free_to_move(t: float, walls: Walls, chosen: Chosen) -> list[int]:
+    """Return the chosen joints, all of which have a mobility along their normals.
+
+    Raises:
+        BlockedImpact: one has none.
+    """
+    joints = np.flatnonzero(chosen)
+    if (np.diag(walls.W)[joints] < DEPENDENT * walls.bare[joints]).any():
+        raise failures.BlockedImpact(t)
+    return [int(j) for j in joints]
+
+
+# ------------------------------------------------------------------------------------ events
+
+
+class Impacts:
+    """A run's events on rigid walls: impacts and changes so far, and which contacts' pins follow.
+
+    ``look`` is the function ``walls`` of a kernel without such pins, ``p`` the address of its numbers; sums
+    are named as in ``Equations.power_names``.
+    """
+
+    def __init__(self, equations: Equations, sums: list[str], look: Any, p: int) -> None:
+        self._equations, self._look, self._p = equations, look, p
+        rigid = rigid_joints(equations.mechanism)
+        self._contact = [k for k, _, _ in rigid]
+        self._column = [sums.index(f"normal{k}") for k in self._contact]
+        self._restitution = np.array([wall.restitution for _, _, wall in rigid])
+        self._slowest = np.array([wall.minimum_impact_speed_m_s for _, _, wall in rigid])
+        laws = [joint.friction for _, joint, _ in rigid]
+        self._friction = np.array([0.0 if law is None else law.coefficient for law in laws])
+        rows = np.cumsum([law is not None for law in laws]) + len(rigid) - 1
+        self._tangent = [-1 if law is None else int(row) for law, row in zip(laws, rows, strict=True)]
+        self._noise, self._at_once, self._last_s = np.zeros(len(rigid)), 0, -1.0
+        self.following: tuple[int, ...] = ()
+        self.impacts, self.changes, self.resolved = list[Impact](), list[ModeChange](), 0
+
+    def resolve(self, run: Run) -> None:
+        """Let the pins that touch rigid walls hit, follow or leave; the run tells whose event it is.
+
+        Raises:
+            SingularConfiguration, BlockedImpact, PainleveParadox, UnsettledEvents: it says when.
+        """
+        state, contacts = run.state[0], run.contacts[self._contact]
+        t, touched = float(state["time"]), int(state["wall"])
+        self._at_once = self._at_once + 1 if t == self._last_s else 1
+        self._last_s, self.resolved = t, self.resolved + 1
+        if self._at_once > EVENTS_AT_ONCE * len(run.contacts):
+            raise failures.UnsettledEvents(t, touched)
+        self._noise[:] = 0.0
+        walls, mine = self._walls(run), np.array(self._contact) == touched
+        follows = contacts["phase"] != FLIGHT
+        released = mine & follows
+        near = contacts["clearance"] - 0.5 * state["lowest"] * walls.noise
+        touches, turns, moved = follows | (walls.distance >= near), 0, True
+        while moved and turns <= MOST_IN_TURNS:
+            hits = touches & (walls.rate > walls.rate_noise) & ~follows
+            if not hits.any():
+                break
+            takes_part, before = touches & (walls.rate >= -walls.rate_noise), run.v.copy()
+            walls = self._hit(run, walls, touches if turns == MOST_IN_TURNS else takes_part, hits)
+            turns, moved, follows = turns + 1, bool((run.v != before).any()), follows & walls.rests
+        force, _ = self._press(t, walls, touches & walls.rests & ~released)
+        phase = np.where(force > 0.0, CONTACT, FLIGHT)
+        for name, values in (("phase", phase), ("noise", walls.noise), ("rate_noise", walls.rate_noise)):
+            run.contacts[name][self._contact] = values
+        if turns == 0:
+            run.contacts["ignored"][self._contact] = mine & ~released & (phase == FLIGHT)
+        following = tuple(k for k, there in zip(self._contact, force > 0.0, strict=True) if there)
+        if following != self.following:
+            self.following = following
+            self.changes.append(ModeChange(t, following))
+
+    def _walls(self, run: Run) -> Walls:
+        """Return the walls at a run's state; round-off of speeds from faster ones is that of the fastest."""
+        state, (R, n) = run.state[0], (len(self._contact), len(run.q))
+        S = int(state["wall_rows"])
+        shapes = (R, WALL_FIELDS), (S, n), (S, n), (S, S), (S,), (n,)
+        ends = np.cumsum([np.prod(shape, dtype=int) for shape in shapes])
+        numbers, t = np.zeros(ends[-1]), float(state["time"])
+        if not self._look(self._p, run.contacts.ctypes.data, t, run.rows[OLD], numbers) < np.inf:
+            self._equations.refuse_singular(t, run.q)
+        parts = [part.reshape(s) for part, s in zip(np.split(numbers, ends[:-1]), shapes, strict=True)]
+        of_joints = parts[0].T.copy()
+        of_joints[4] = self._noise = np.maximum(self._noise, of_joints[4])
+        return Walls(*of_joints, *parts[1:])
+
+    def _hit(self, run: Run, walls: Walls, takes_part: Chosen, hits: Chosen) -> Walls:
+        """Have joints hit at once, those with ``hits`` by their restitution; return the walls after that.
+
+        The impulses are entered in the log and in the ledger.
+        """
+        start, wanted = run.v.copy(), np.where(hits, self._restitution, 0.0)
+        t, closes = float(run.state["time"][0]), np.zeros(len(hits), dtype=bool)
+        while True:
+            impulses = self._collide(run, walls, takes_part, wanted)
+            after = self._walls(run)
+            short = self._short(run, after, takes_part)
+            late = takes_part & (wanted > 0.0) & ((walls.rate < self._slowest) | short)
+            if closes.any() or not late.any():
+                break
+            closes, wanted = late, np.where(late, 0.0, wanted)
+            run.v[:] = start
+        for j in np.flatnonzero(takes_part):
+            normal, tangential, lost = (float(part[j]) for part in impulses)
+            row, column = self._tangent[j], self._column[j]
+            run.sums[0] += walls.drivers[j] * normal + (walls.drivers[row] * tangential if row >= 0 else 0.0)
+            run.sums[column] += normal
+            run.sums[column + (2 if closes[j] else 1)] += lost
+            if normal != 0.0:
+                kind = "closing" if closes[j] else "impact" if hits[j] else "support"
+                numbers = 0.0, float(walls.rate[j]), normal, tangential, lost, float(1.0 / walls.W[j, j])
+                self.impacts.append(Impact(t, self._contact[j], kind, *numbers))
+        return self._caught(run, after, takes_part, short)
+
+    def _collide(
+        self, run: Run, walls: Walls, chosen: Chosen, restitution: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Change velocities by the impact of the chosen joints; return their impulses and losses, (R,)."""
+        joints = free_to_move(float(run.state["time"][0]), walls, chosen)
+        rubbing = [j for j in joints if self._friction[j] > 0.0]
+        rows = [*joints, *(self._tangent[j] for j in rubbing)]
+        tangent = [len(joints) + rubbing.index(j) if j in rubbing else -1 for j in joints]
+        W, u = walls.W[np.ix_(rows, rows)], walls.D[rows] @ run.v
+        impulse = find_impulses(W, u, restitution[joints], self._friction[joints], tangent)
+        run.v[:] += impulse @ walls.motion[rows]
+        lost = -(impulse * (u + 0.5 * W @ impulse))  # times the mean of the speeds before and after
+        normals, tangentials, losses = np.zeros((3, len(chosen)))
+        normals[joints], losses[joints] = impulse[: len(joints)], lost[: len(joints)]
+        tangentials[rubbing] = impulse[len(joints) :]
+        losses[rubbing] += lost[len(joints) :]
+        return normals, tangentials, losses
+
+    def _press(self, t: float, walls: Walls, chosen: Chosen) -> tuple[FloatArray, FloatArray]:
+        """Return inward forces (R,) on the chosen joints, without normal speed, and accelerations (n,)."""
+        joints, force = free_to_move(t, walls, chosen), np.zeros(len(chosen))
+        if not joints:
+            return force, walls.free
+        plain = walls.W[np.ix_(joints, joints)]
+        matrix, share = plain.copy(), walls.share[joints]
+        rubbing = np.flatnonzero(share)
+        tangents = [self._tangent[joints[i]] for i in rubbing]
+        matrix[:, rubbing] -= share[rubbing] * walls.W[np.ix_(joints, tangents)]
+        if len(rubbing) and least_minor_ratio(matrix, plain) <= LEAST_MOBILITY:
+            raise failures.PainleveParadox(t, tuple(self._contact[joints[i]] for i in rubbing))
+        pushes = complementary(matrix, walls.D[joints] @ walls.free - walls.turning[joints])
+        force[joints] = pushes
+        rubs = (share * pushes)[rubbing] @ walls.motion[tangents]
+        return force, walls.free + pushes @ walls.motion[joints] - rubs
+
+    def _short(self, run: Run, walls: Walls, takes_part: Chosen) -> Chosen:
+        """Return which pins, leaving their walls, would be back too soon."""
+        state = run.state[0]
+        _, pushed = self._press(float(state["time"]), walls, takes_part & walls.rests)
+        outward = walls.turning - walls.D[: len(walls.rate)] @ pushed
+        height = FLIGHT_HEIGHT * state["lowest"] * walls.noise * np.maximum(outward, 0.0)
+        shortest = np.maximum(state["shortest_s"] * outward, np.sqrt(height))
+        return np.asarray((outward > 0.0) & (2.0 * np.maximum(-walls.rate, 0.0) < shortest))
+
+    def _caught(self, run: Run, walls: Walls, takes_part: Chosen, short: Chosen) -> Walls:
+        """Keep pins on their walls that another's impact throws off for too short a flight."""
+        leaves = takes_part & (walls.rate < -walls.rate_noise) & short
+        if not leaves.any():
+            return walls
+        joints = free_to_move(float(run.state["time"][0]), walls, leaves | (takes_part & walls.rests))
+        u = walls.D[joints] @ run.v
+        impulse, _ = solve(walls.W[np.ix_(joints, joints)], -u)
+        run.v[:] += impulse @ walls.motion[joints]
+        columns = np.array([self._column[j] for j in joints])
+        run.sums[0] += walls.drivers[joints] @ impulse
+        run.sums[columns] += impulse
+        run.sums[columns + 2] -= 0.5 * impulse * u  # u becomes 0
+        return self._walls(run)

@@ -1,1 +1,0 @@
-"""Impacts on rigid walls, and what the pins do after them."""
