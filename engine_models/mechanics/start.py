@@ -9,7 +9,6 @@ from engine_models.mechanics.states import pin_gap
 from engine_models.scene.format import BodyState
 from engine_models.scene.scene import Scene
 from engine_models.scene.start import held_at_start
-from reference_solver.mechanism.assembly import NotAssembled, require_closed
 from reference_solver.mechanism.contact_laws import damping_factor_of
 
 #: A pin is in its wall that is by so many metres, and leaves it at so many m/s for every m/s, and one more,
@@ -72,14 +71,9 @@ def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
     is off by 2e-16 rad, so that so many turns are off by no more than 4e-11 rad.
 
     Raises:
-        ImpossibleStart: an ideal joint is open, a body off its guide, what is driven not at its speed, or a
-            pin on its way out of a wall whose law takes its damping from the touch.
+        ImpossibleStart: a pin is on its way out of a wall whose law takes its damping from the touch.
     """
     position, velocity = start_state(scene)
-    try:
-        require_closed(scene.mechanism, position.ravel(), velocity.ravel())
-    except NotAssembled as reason:
-        raise ImpossibleStart(f"start: {reason}") from None
     _require_touches(scene, position, velocity)
     return position - _turns(position), velocity
 
