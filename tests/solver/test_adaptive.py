@@ -229,8 +229,8 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
     called = ctypes.CFUNCTYPE(ctypes.c_double, number, number, ctypes.c_double, number, number)(rates)
     state["rates"] = ctypes.cast(called, ctypes.c_void_p).value
     step = Step(0.0, 0.0, 0.0, 1.0, 1.0)
-    error = njit(lambda state, rows: estimated(state[0], rows, step), error_model="numpy")
-    assert error(run.state, run.rows) == np.inf
+    error = njit(lambda state, rows, method: estimated(state[0], rows, method, step), error_model="numpy")
+    assert error(run.state, run.rows, run.method) == np.inf
 
 
 # Crank-sliders
