@@ -106,8 +106,8 @@ def sweeps_of(forces: Forces, position: FloatArray) -> int:
 
     A sweep gives each joint in turn the impulse that closes it. What it leaves open of all joints is G times
     what was open before, with G = -(D + L)^-1 U of the joints' matrix J M^-1 J^T = L + D + U, and n sweeps
-    leave rho^n, rho the largest eigenvalue of G. Half is too much (see ``PymunkEngine``); a quick return needs
-    5 times as many for that on its way as at the start, Andrews' squeezer 1.9 times.
+    leave rho^n, rho the largest eigenvalue of G. Half is too much (see ``PymunkEngine``). On its way a
+    quick return needs 11 times as many as at the start, Andrews' squeezer 1.9 times.
     """
     of, still = forces.of, _not_turning(forces.of)
     mobility = 1.0 / forces.masses
