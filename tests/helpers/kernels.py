@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.mechanics.equations import mechanism_of
+from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.start import assembled
 from reference_solver.equations import Baumgarte
