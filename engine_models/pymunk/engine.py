@@ -20,11 +20,11 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.kernels import CompiledEngine
-from engine_models.mechanics.contact_law import require_family
-from engine_models.mechanics.crank_motion import require_followed
-from engine_models.mechanics.start_check import checked_start, unwound
+from engine_models.mechanics.start import checked_start, unwound
 from engine_models.memory import require_memory
+from engine_models.minimal.forces import require_family
 from engine_models.minimal.run import trajectory_of
+from engine_models.pace import require_followed
 from engine_models.pymunk.loop import Loop
 from engine_models.pymunk.model import build, changes_speed, sweeps_of
 from engine_models.pymunk.native_contact import rigid_twin
