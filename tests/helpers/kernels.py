@@ -37,7 +37,7 @@ def scene_case(name: str) -> Start:
     )
     driven = mechanism_of(
         scene.model_copy(
-            update={"start": scene.start.model_copy(update={"crank_speed_rad_s": float(v[0, 2])})}
+            update={"start": scene.short.start.model_copy(update={"crank_speed_rad_s": float(v[0, 2])})}
         )
     )
     return driven, q.ravel(), v.ravel(), 1e-4
