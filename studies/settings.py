@@ -80,16 +80,16 @@ COMPLIANT: Series = {
     arms.DOPRI5: ((6, 8, 10), range(4, 12)),
     arms.WIDE_GAP: ((), range(4, 7)),
     arms.TRAPEZOIDAL: ((), range(5)),
-    arms.AS_THE_SCENE: ((), range(7)),
-    arms.SHORTER_IN_CONTACT: ((1, 3), range(6)),
-    arms.NATIVE_CONTACT: ((), range(5)),
+    arms.AS_THE_SCENE: ((), range(5)),
+    arms.SHORTER_IN_CONTACT: ((1, 3), range(5)),
+    arms.NATIVE_CONTACT: ((), range(4)),
     arms.SCIPY_DOP853: ((8, 10, 12), range(6, 13)),
     arms.LSODA: ((), range(5, 13)),
 }
 RIGID: Series = {
     arms.LOCATED: ((0, 2, 4), range(7)),
     arms.REFERENCE_DOP853: ((6, 10), range(6, 13, 2)),
-    arms.NATIVE_CONTACT: ((1, 3), range(6)),
+    arms.NATIVE_CONTACT: ((0, 2), range(4)),
     arms.SCIPY_DOP853: ((6, 10), range(6, 13, 2)),
 }
 #: The same of an engine that the catalogue does not know.
