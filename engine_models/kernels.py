@@ -2,7 +2,7 @@
 
 import multiprocessing
 import time
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numba
 
@@ -15,15 +15,9 @@ from reference_solver.kept_files import (
     writable_folder,
     write_kept,
 )
-from reference_solver.machine_code import code_folder, compiled
+from reference_solver.machine_code import compiled
 
 __all__ = ["CompiledEngine", "FolderRefused", "compiled", "read_kept", "writable_folder", "write_kept"]
-
-
-def callback(function: Any, signature: Any) -> Any:
-    """Return a function compiled for C to call at its ``address``."""
-    with code_folder(function) as kept:
-        return numba.cfunc(signature, error_model="numpy", cache=kept)(function)
 
 
 class CompiledEngine(Engine):

@@ -10,7 +10,7 @@ import numpy as np
 
 from reference_solver import failures
 from reference_solver.checks import POSITIVE, is_count, is_number, require, require_positive, require_vector
-from reference_solver.contact.walls import separation
+from reference_solver.contact_forces import separation
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.guard import Guard
 from reference_solver.impacts import Impacts
@@ -255,7 +255,8 @@ class Solver:
         from reference_solver.loop import advance
 
         contacts = run.contacts if self._joints else None
-        return int(advance(run.state, run.rows, contacts, run.knots, run.times, run.samples))
+        knots = run.knots if len(run.knots) else None
+        return int(advance(run.state, run.rows, contacts, run.method, knots, run.times, run.samples))
 
     def run(
         self,

@@ -14,13 +14,15 @@ from functools import cached_property
 
 import numpy as np
 
-from engine_models.engine import Contact, FloatArray, Trajectory
+from engine_models.engine import Contact, FloatArray, UnsupportedScene
+from engine_models.mechanics.loads import force_on_pin
 from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Numbers
+from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import data
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, NORMAL_LAWS
 
 #: Parts of loads whose works follow from the positions: those of the others are integrals over time.
 EXACT = ("force", "spring", "torque")
@@ -78,14 +80,18 @@ class Reactions:
     driver_torque_N_m: FloatArray | None
 
 
-def force_on_pin(contact: Contact | ContactStates) -> FloatArray:
-    """Return the force of a bearing on its pin, (n, 2) in N."""
-    distance = np.maximum(np.hypot(*contact.gap_m.T), np.finfo(float).tiny)
-    x, y = contact.gap_m.T / distance
-    force = -contact.normal_force_N * np.array([x, y])
-    if contact.friction_force_N is not None:
-        force += contact.friction_force_N * np.array([-y, x])
-    return np.asarray(force.T)
+def require_family(scene: Scene, engine: str) -> None:
+    """Refuse laws that the reference has by functions of their own, which an engine has no form for.
+
+    Raises:
+        UnsupportedScene: a joint has one.
+    """
+    for name, room in scene.clearances.items():
+        if room.law in NORMAL_LAWS:
+            expected = "a law of a stiffness and a damping, or of the dissipative family"
+            raise UnsupportedScene(
+                f"{engine}: clearance.{name}.law: expected {expected}, got {shown(room.law)}"
+            )
 
 
 class Forces(Numbers):
@@ -159,32 +165,6 @@ class Forces(Numbers):
             states,
         )
 
-    def total(self, run: Trajectory) -> FloatArray:
-        """Return forces and torques on the bodies in a run, reactions among them, (n, bodies, 3)."""
-        acting = self.act(run.time_s, run.position, run.velocity, run.contacts).on_bodies
-        rows = [run.joint_force_N[pin.name] for pin in self.of.ideal]
-        for guide in self.of.guides:
-            rows.append(run.guide_force_N[guide.name][:, None])
-            if not guide.turns:
-                moment = run.guide_moment_N_m.get(guide.name, np.zeros(len(acting)))
-                rows.append(moment[:, None])
-        if self.of.drive.prescribes:
-            assert run.driver_torque_N_m is not None
-            rows.append(run.driver_torque_N_m[:, None])
-        multipliers = np.concatenate([np.zeros((len(acting), 0)), *rows], axis=1)
-        by_rows = np.einsum("nm,nmk->nk", multipliers, self.unit_reactions(run.position))
-        return np.asarray(acting + by_rows.reshape(acting.shape))
-
-    def unit_reactions(self, position: FloatArray) -> FloatArray:
-        """Return B (n, m, 3b): what the unit of each reaction puts on the bodies in positions (n, bodies, 3).
-
-        They are two of each ideal joint, one across each guide, followed by its moment where it has one, and
-        that of a drive that prescribes a motion.
-        """
-        B = np.empty((len(position), self.rows, self.size))
-        eq.react(self.p, _flat(position), B)
-        return B
-
     def reactions(
         self,
         time_s: FloatArray,
@@ -198,7 +178,7 @@ class Forces(Numbers):
         ``contacts`` has what the joints with clearance do then.
         """
         acting = self.act(time_s, position, velocity, contacts)
-        B, masses = self.unit_reactions(position), self.masses.ravel()
+        B, masses = self.rows_at(_flat(position))[1], self.masses.ravel()
         missing = _flat(acceleration) - _flat(acting.on_bodies) / masses
         multipliers = solve_systems(B / masses @ B.swapaxes(1, 2), B @ missing[..., None])
         return self.named(multipliers, contacts, acting.parts.get("driver"))
@@ -209,7 +189,7 @@ class Forces(Numbers):
         contacts: Mapping[str, Contact | ContactStates],
         torque: FloatArray | None,
     ) -> Reactions:
-        """Return multipliers (n, m) in the order of ``unit_reactions`` by name, beside what contacts do.
+        """Return multipliers (n, m) in the order of the rows by name, beside what contacts do.
 
         ``torque`` (n,) is that of a drive that prescribes no motion.
         """

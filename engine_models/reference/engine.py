@@ -16,7 +16,7 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.kernels import CompiledEngine
-from engine_models.mechanics.start_check import unwound
+from engine_models.mechanics.start import unwound
 from engine_models.memory import require_memory
 from engine_models.pace import MOST_STEPS
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s, reference_run
