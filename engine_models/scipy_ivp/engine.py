@@ -12,12 +12,12 @@ from pydantic.dataclasses import dataclass
 from engine_models.engine import (
     SETTINGS_CONFIG,
     BareRun,
+    Engine,
     RunSettings,
     Trajectory,
     UnsupportedScene,
     require_finite,
 )
-from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.equations import trajectory_of_solution
 from engine_models.mechanics.start_check import unwound
 from engine_models.memory import require_memory
@@ -35,7 +35,7 @@ SHARPEST = 1e-13
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
-class ScipyEngine(CompiledEngine):
+class ScipyEngine(Engine):
     """Settings of SciPy's integrators: the ``method``; ``rtol`` and ``atol``, the tolerances of a step.
 
     It integrates the multiplier equations (1)-(10) by the reference's compiled right-hand side, so that the
