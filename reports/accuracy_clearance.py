@@ -112,16 +112,13 @@ def first_impact(results: Results) -> Figure | None:
 
 def _impacts_found(runs: pd.DataFrame) -> Claim | None:
     """Return how many impacts each engine's finest run with compliant contact finds."""
-    by_label = runs[runs["joints"] == LOOSE].groupby("label", observed=True)[COUNTS].sum()
-    if by_label.empty:
+    counts = runs[runs["joints"] == LOOSE].groupby("label", observed=True)[COUNTS].sum()
+    if counts.empty:
         return None
-    every = by_label[MATCHED] + by_label[MISSED]
-    found = [
-        f"{label} {of:.0f} of {all_of:.0f}"
-        for label, of, all_of in zip(by_label.index, by_label[MATCHED], every, strict=True)
-    ]
-    numbers = {"impacts": (float(every.max()), "")}
-    return Claim("impacts-found", f"Impacts found at the finest setting: {', '.join(found)}.", numbers)
+    counts = counts.assign(every=counts[MATCHED] + counts[MISSED]).astype(int)
+    found = ", ".join(f"{of.Index} {of.impacts_matched} of {of.every}" for of in counts.itertuples())
+    numbers = {"impacts": (float(counts["every"].max()), "")}
+    return Claim("impacts-found", f"Impacts found at the finest setting: {found}.", numbers)
 
 
 def impacts_by_configuration(runs: pd.DataFrame) -> Table:
@@ -130,9 +127,8 @@ def impacts_by_configuration(runs: pd.DataFrame) -> Table:
     table = of_label[COUNTS].sum().join(of_label[[TIME, PEAK, IMPULSE]].max()).reset_index()
     headings = {"label": "configuration", MATCHED: "impacts found", MISSED: "missed", UNMATCHED: "unmatched"}
     headings |= {name: axis_label(name).replace(" error", "") for name in (TIME, PEAK, IMPULSE)}
-    table = table.rename(columns=headings)[
-        ["configuration", "joints", "impacts found", "missed", *[*headings.values()][3:]]
-    ]
+    names = ["configuration", "joints", "impacts found", "missed", *[*headings.values()][3:]]
+    table = table.rename(columns=headings)[names]
     title = "Errors of impacts, largest over all scenes"
     caption = (
         "Each configuration's finest run against the reference solution; unmatched are impacts that it does "

@@ -27,11 +27,17 @@ def comparison(rows: pd.DataFrame, energy: pd.DataFrame | None) -> Iterator[Clai
 
     ``energy`` are the rows of the study of long runs.
     """
-    compared = {joints: beside(rows, joints) for joints in PAPERS}
-    compared = {joints: picks for joints, picks in compared.items() if picks}
-    for joints, picks in compared.items():
-        yield _table(joints, picks, None if energy is None else _long_runs(energy, joints))
-    yield _within(compared)
+    told = []
+    for joints, papers in PAPERS.items():
+        if picks := beside(rows, joints):
+            yield _table(joints, picks, None if energy is None else _long_runs(energy, joints))
+            engines = [_reached(of) for name, of in picks.items() if name != papers]
+            told.append(f"{joints}: {', '.join(engines)} (1: {papers})")
+    text = (
+        "Run time of each engine's cheapest setting that has the slider within 1 µm, scene by scene, in "
+        f"multiples of that of the reference's RK4: {'; '.join(told)}."
+    )
+    yield Claim("within", text)
 
 
 def _long_runs(energy: pd.DataFrame, joints: str) -> pd.DataFrame:
@@ -99,19 +105,6 @@ def _table(joints: str, picks: dict[str, pd.DataFrame], long_runs: pd.DataFrame 
         turns = span([long_runs["turns"].min(), long_runs["turns"].max()], ".0f")
         caption += f" Energy drift: the largest of the study of long runs, {turns} revolutions."
     return Table(f"compared-{joints.replace(' ', '-')}", title, caption, "cost", pd.DataFrame(lines))
-
-
-def _within(compared: dict[str, dict[str, pd.DataFrame]]) -> Claim:
-    """Return the run time of each engine's cheapest setting within the target, scene by scene."""
-    told = []
-    for joints, picks in compared.items():
-        engines = [_reached(of) for name, of in picks.items() if name != PAPERS[joints]]
-        told.append(f"{joints}: {', '.join(engines)} (1: {PAPERS[joints]})")
-    text = (
-        "Run time of each engine's cheapest setting that has the slider within 1 µm, scene by scene, in "
-        f"multiples of that of the reference's RK4: {'; '.join(told)}."
-    )
-    return Claim("within", text)
 
 
 def _reached(picks: pd.DataFrame) -> str:

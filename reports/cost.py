@@ -50,6 +50,7 @@ def parts(studies: Studies) -> Iterator[Part | None]:
     if lost := int(saturated(ran).sum()):
         text = "In {lost} of {runs} runs the slider is off by a tenth of the clearance; these are not ranked."
         yield Claim("saturated", text, {"lost": (lost, ""), "runs": (len(ran), "")})
+    yield from _inside(with_columns(rows, "engine_time_s", "solve_time_s").dropna(subset="engine_time_s"))
     by_class: dict[tuple[str, str], ByScene] = {}
     for column in TARGETS:
         classes = {of: settings_by_scene(rows[rows["joints"] == of], column) for of in CLASSES}
@@ -58,6 +59,14 @@ def parts(studies: Studies) -> Iterator[Part | None]:
     yield _ratios(by_class)
     yield _by_scene(by_class)
     yield _building(with_columns(rows, "build_time_s", "solve_time_s").dropna(subset="build_time_s"))
+
+
+def _inside(rows: pd.DataFrame) -> Iterator[Claim]:
+    """Yield which part of the run time each engine that tells it spends in its own calls."""
+    parts = 100 * rows["engine_time_s"] / rows["solve_time_s"]
+    for engine, of in parts.groupby(rows["engine"]):
+        text = f"Of its run time {engine} spends {{least}} to {{most}} inside its own calls, not in the loop."
+        yield Claim(f"inside {engine}", text, {"least": (of.min(), "%"), "most": (of.max(), "%")})
 
 
 def _figure(column: str, classes: Sequence[ByScene]) -> Figure | None:

@@ -73,8 +73,10 @@ def draw(panels: Sequence[Panel], height_in: float = 2.7, across: int | None = N
         len(panels) if len(panels) <= 3 else math.ceil(len(panels) / math.ceil(len(panels) / 3))
     )
     down = math.ceil(len(panels) / across)
-    styles = {line.label: line.style for panel in reversed(panels) for line in reversed(panel.lines)}
-    handles = [Line2D([], [], label=label, **style) for label, style in reversed(styles.items())]
+    styles: dict[str, Mapping[str, Any]] = {}
+    for line in (line for panel in panels for line in panel.lines):
+        styles.setdefault(line.label, line.style)
+    handles = [Line2D([], [], label=label, **style) for label, style in styles.items()]
     with mpl.rc_context(RC):
         rows = math.ceil(len(handles) / IN_ROW)
         drawing = Picture(height_in * down + 0.5 + ROW_IN * rows, WIDTH_IN if across > 1 else 0.6 * WIDTH_IN)

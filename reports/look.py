@@ -41,24 +41,18 @@ RC: Any = {
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 8.5,
     "axes.titlesize": 9,
-    "axes.labelsize": 8.5,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
     "legend.fontsize": 8,
     "legend.frameon": False,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
     "grid.color": "#E6E6E6",
-    "grid.linewidth": 0.6,
     "axes.axisbelow": True,
     "lines.linewidth": 1.2,
     "lines.markersize": 4.5,
-    "lines.markeredgewidth": 1.0,
     "figure.constrained_layout.use": True,
     "figure.constrained_layout.h_pad": 0.08,
     "savefig.dpi": 200,
-    "path.simplify_threshold": 0.25,  # of a pixel, which nobody sees; curves are a third as large
     "svg.hashsalt": "crankslider",
     "svg.fonttype": "none",
 }
@@ -66,29 +60,9 @@ RC: Any = {
 WIDTH_IN = 7.5
 
 #: Units at the end of column names as they are written, longest first.
-UNITS = {
-    "percent": "%",
-    "rad_s2": "rad/s²",
-    "kg_m2": "kg·m²",
-    "N_s_m": "N·s/m",
-    "N_m_s": "N·m·s",
-    "rad_s": "rad/s",
-    "1_s": "1/s",
-    "m_s2": "m/s²",
-    "m_s": "m/s",
-    "N_m": "N·m",
-    "N_s": "N·s",
-    "rad": "rad",
-    "kg": "kg",
-    "Hz": "Hz",
-    "Pa": "Pa",
-    "m": "m",
-    "N": "N",
-    "J": "J",
-    "s": "s",
-}
-
-
+UNITS = {"percent": "%", "rad_s2": "rad/s²", "kg_m2": "kg·m²", "N_s_m": "N·s/m", "N_m_s": "N·m·s"}
+UNITS |= {"rad_s": "rad/s", "1_s": "1/s", "m_s2": "m/s²", "m_s": "m/s", "N_m": "N·m", "N_s": "N·s"}
+UNITS |= {unit: unit for unit in ("rad", "kg", "Hz", "Pa", "m", "N", "J", "s")}
 #: The beginnings of column names that are not their own words.
 WORDS = {
     "largest_numerical_gain": "largest energy-balance error",
@@ -126,38 +100,25 @@ def line_styles(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
 
     Labels are in the order of legends; an engine's first one has the engine's first line style, and so on.
     """
-    arms = rows[["engine", "label"]].drop_duplicates("label").sort_values("label")
-    places = arms.groupby("engine").cumcount()
-    engines = zip(arms["label"], arms["engine"], places, strict=True)
-    return {label: variant(engine, place) for label, engine, place in engines}
+    arms = rows[["label", "engine"]].drop_duplicates("label").sort_values("label")
+    arms["place"] = arms.groupby("engine").cumcount()
+    return {arm.label: variant(arm.engine, arm.place) for arm in arms.itertuples()}
 
 
 def variant(engine: str, place: int) -> dict[str, Any]:
     """Return the style of an engine's first line, second line, ... (counted from 0)."""
     colour, marker = ENGINES.get(engine) or NEWCOMERS[crc32(engine.encode()) % len(NEWCOMERS)]
     dashes, fill = VARIANTS[place % len(VARIANTS)]
-    return {
-        "color": colour,
-        "marker": marker,
-        "linestyle": dashes,
-        "fillstyle": fill,
-        "markerfacecoloralt": "white",
-    }
+    style: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": dashes}
+    return style | {"fillstyle": fill, "markerfacecoloralt": "white"}
 
 
 def words(column: str) -> tuple[str, str]:
     """Return a column's name in words and its unit: slider_position_error_m is slider position error, m."""
-    for ending, unit in UNITS.items():
-        if column.endswith(f"_{ending}"):
-            return _in_words(column[: -len(ending) - 1]), unit
-    return _in_words(column), ""
-
-
-def _in_words(name: str) -> str:
-    """Return a column's name without its unit in words, of what a scene observes by that alone: B x error."""
-    name = name.removeprefix("observed_")
+    ending = next((ending for ending in UNITS if column.endswith(f"_{ending}")), "")
+    name = column.removesuffix(f"_{ending}").removeprefix("observed_")
     begin = next((begin for begin in WORDS if f"{name}_".startswith(f"{begin}_")), "")
-    return WORDS.get(begin, begin) + name[len(begin) :].replace("_", " ")
+    return WORDS.get(begin, begin) + name[len(begin) :].replace("_", " "), UNITS.get(ending, "")
 
 
 def axis_label(column: str) -> str:

@@ -123,9 +123,9 @@ class Chapter:
     parts: Callable[[Studies], Iterator[Part | None]]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Made:
-    """A chapter with what its rows give."""
+    """A chapter with what its rows give; ``claims``, ``figures`` and ``tables`` are its parts by kind."""
 
     chapter: Chapter
     parts: tuple[Part, ...]
@@ -143,20 +143,10 @@ class Made:
                 raise Contradiction(f"the results contradict the report's sentence: {part}")
         return cls(chapter, tuple(part for part in parts if not isinstance(part, Table) or len(part.rows)))
 
-    @property
-    def claims(self) -> list[Claim]:
-        """The sentences."""
-        return [part for part in self.parts if isinstance(part, Claim)]
-
-    @property
-    def figures(self) -> list[Figure]:
-        """The figures."""
-        return [part for part in self.parts if isinstance(part, Figure)]
-
-    @property
-    def tables(self) -> list[Table]:
-        """The tables, those that are only files as well."""
-        return [part for part in self.parts if isinstance(part, Table)]
+    def __post_init__(self) -> None:
+        self.claims = [part for part in self.parts if isinstance(part, Claim)]
+        self.figures = [part for part in self.parts if isinstance(part, Figure)]
+        self.tables = [part for part in self.parts if isinstance(part, Table)]
 
     @property
     def sequences(self) -> list[tuple[str, list[Part]]]:
@@ -254,31 +244,22 @@ def require_replaceable(out: Path) -> None:
 
 
 def read_claims(report: Path) -> dict[str, str]:
-    """Return the numbers of a report's claims as text, by their names.
-
-    Raises:
-        OSError, ValueError, KeyError: there is no report.
-    """
+    """Return the numbers of a report's claims as text, by their names."""
     claims = json.loads((report / FINDINGS).read_text(encoding="utf-8"))["claims"]
-    return {
-        f"{claim['id']} {name}": quantity(*number[:2])
-        for claim in claims
-        for name, number in claim["numbers"].items()
-    }
+    numbers = [(claim["id"], *number) for claim in claims for number in claim["numbers"].items()]
+    return {f"{claim} {name}": quantity(*number[:2]) for claim, name, number in numbers}
 
 
 def _findings(made: Iterable[Made], studies: Studies) -> str:
     """Return the claims of every chapter, and of which set and commit each study's rows are."""
-    origins = {
-        name: {key: results.facts.get(key) for key in ("set", "commit")} | {"runs": len(results.rows)}
-        for name, results in studies.items()
-    }
-    claims = [
-        {"id": f"{part.chapter.name}/{claim.name}", "text": str(claim), "numbers": dict(claim.numbers)}
-        for part in made
-        for claim in part.claims
-    ]
-    content = {"studies": origins, "claims": claims}
+    content: dict[str, Any] = {"studies": {}, "claims": []}
+    for name, results in studies.items():
+        origin = {key: results.facts.get(key) for key in ("set", "commit")}
+        content["studies"][name] = origin | {"runs": len(results.rows)}
+    for part in made:
+        for claim in part.claims:
+            told = {"text": str(claim), "numbers": dict(claim.numbers)}
+            content["claims"].append({"id": f"{part.chapter.name}/{claim.name}", **told})
     return json.dumps(content, ensure_ascii=False, indent=1, default=float) + "\n"
 
 
@@ -292,13 +273,10 @@ def _head(studies: Studies) -> dict[str, str]:
     """Return what the head says: set, commit, date, processor, engines."""
     of_all, known = [results.facts for results in studies.values()], versions(studies)
     facts: dict[str, list[Any]] = {
-        "set": [each.get("set") for each in of_all],
-        "commit": [str(each.get("commit", ""))[:8] for each in of_all],
-        "date": [each.get("date") for each in of_all],
-        "processor": [each.get("machine", {}).get("processor") for each in of_all],
-        "engines": ["reference", *(f"{name} {known[name]}" for name in ENGINES if name in known)],
+        key: [each.get(key) for each in of_all] for key in ("set", "commit", "date")
     }
-    return {
-        name: ", ".join(dict.fromkeys(filter(None, values))) or "not on record"
-        for name, values in facts.items()
-    }
+    facts["commit"] = [str(commit)[:8] for commit in facts["commit"]]
+    facts["processor"] = [each.get("machine", {}).get("processor") for each in of_all]
+    facts["engines"] = ["reference", *(f"{name} {known[name]}" for name in ENGINES if name in known)]
+    told = {name: ", ".join(dict.fromkeys(filter(None, values))) for name, values in facts.items()}
+    return {name: text or "not on record" for name, text in told.items()}

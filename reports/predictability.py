@@ -121,13 +121,13 @@ def _growth(results: Results, row: pd.Series) -> Panel:
     unit_s = row["end_time_s"] / turns if turns > 0 else 1.0
     time, curve = results.curve(row["case"], "time_s") / unit_s, partial(results.curve, row["case"])
     each = np.array([so_far(curve(f"perturbed_{k}_m")) for k in range(int(row["perturbations"]))])
-    curves: dict[str, tuple[FloatArray, dict[str, Any]]] = {
-        "perturbed start (median)": (np.median(each, axis=0), {"color": BLACK}),
-        "perturbed start (smallest)": (each.min(axis=0), {"color": GREY, "linewidth": 0.7}),
-        "perturbed start (largest)": (each.max(axis=0), {"color": GREY, "linestyle": ":"}),
-        "half the step": (so_far(curve("halved_m")), {"color": BLUE, "linestyle": "--"}),
-    }
-    lines = [Line(name, time, np.maximum(of, LEAST_M), style) for name, (of, style) in curves.items()]
+    curves: list[tuple[str, FloatArray, dict[str, Any]]] = [
+        ("perturbed start (median)", np.median(each, axis=0), {"color": BLACK}),
+        ("perturbed start (smallest)", each.min(axis=0), {"color": GREY, "linewidth": 0.7}),
+        ("perturbed start (largest)", each.max(axis=0), {"color": GREY, "linestyle": ":"}),
+        ("half the step", so_far(curve("halved_m")), {"color": BLUE, "linestyle": "--"}),
+    ]
+    lines = [Line(name, time, np.maximum(of, LEAST_M), style) for name, of, style in curves]
     marker = {"color": VERMILLION, "marker": "D", "markersize": 4, "linestyle": ""}
     for words, (tolerance, size_m) in TOLERANCES.items():
         if not np.isnan(median_s := row[f"horizon_{words}_s"]):

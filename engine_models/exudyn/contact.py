@@ -65,7 +65,7 @@ def native_twin(scene: Scene) -> Scene:
         UnsupportedScene: a law has no counterpart in Exudyn.
     """
     rooms = scene.clearances.items()
-    return scene.with_clearances({name: _native_twin(name, clearance) for name, clearance in rooms})
+    return scene.replace({f"clearance.{name}": _native_twin(name, clearance) for name, clearance in rooms})
 
 
 def _native_twin(name: str, clearance: Clearance) -> Clearance:

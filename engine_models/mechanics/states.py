@@ -122,8 +122,6 @@ def observed(scene: Scene, run: Trajectory) -> tuple[FloatArray, FloatArray]:
 
     A crank-slider's is the slider's way along its guide, a pendulum's the place of its pin A along x.
     """
-    if scene.is_plain and scene.is_crank_slider:
-        return run.position[:, -1, 0], run.velocity[:, -1, 0]
     of = scene.observed
     if of.what == "angle":
         return run.position[:, of.body, 2], run.velocity[:, of.body, 2]
@@ -136,8 +134,7 @@ def observed(scene: Scene, run: Trajectory) -> tuple[FloatArray, FloatArray]:
 def observed_m(scene: Scene, run: Trajectory) -> FloatArray:
     """Return what a scene observes in m, (n,): an angle times the longest lever."""
     value, _ = observed(scene, run)
-    is_angle = not scene.is_plain and scene.observed.what == "angle"
-    return lever_m(scene) * value if is_angle else value
+    return lever_m(scene) * value if scene.observed.what == "angle" else value
 
 
 def observed_columns(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:

@@ -91,7 +91,7 @@ def rigid_twin(scene: Scene) -> Scene:
     Raises:
         UnsupportedScene: Kelvin-Voigt's restitution depends on the masses.
     """
-    return scene.with_clearances({name: _rigid(name, room) for name, room in scene.clearances.items()})
+    return scene.replace({f"clearance.{name}": _rigid(name, room) for name, room in scene.clearances.items()})
 
 
 def _rigid(name: str, clearance: Clearance) -> Clearance:

@@ -9,8 +9,7 @@ from types import MappingProxyType
 from engine_models.scene.format import SceneError as SceneError
 from engine_models.scene.plain_words import shortened
 from engine_models.scene.scene import Scene, with_fields
-from engine_models.scene.tables import BadTable, files_of, is_column, with_tables
-from engine_models.scene.text_files import OPENED, UnreadableFile, read_text
+from engine_models.scene.tables import OPENED, BadFile, files_of, is_column, read_text, with_tables
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -45,7 +44,7 @@ def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene
         listed = {path: value for path, value in changes.items() if is_column(path)}  # in place of a file's
         others = {path: value for path, value in changes.items() if not is_column(path)}
         return Scene.checked(with_fields(with_tables(with_fields(data, others), folder), listed))
-    except BadTable as reason:
+    except BadFile as reason:
         raise SceneError(str(reason)) from None
 
 
@@ -60,7 +59,7 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
     """
     try:
         text = read_text(path, "a scene")
-    except UnreadableFile as reason:
+    except BadFile as reason:
         raise SceneError(str(reason)) from None
     try:
         return from_toml(text, folder_of(path), changes)

@@ -60,6 +60,14 @@ REVOLUTION_RAD, CLOSES = 1e-4, 1e-9
 LOWEST_FREQUENCY_HZ = 1e-9
 #: Speeds of straight lines that differ by less than this part of the fastest are one, but for typed digits.
 SAME_SPEED = 1e-6
+#: The units of the slopes at a table's ends, by the first of these columns that it has.
+SLOPES = {
+    "position_m": "m/s",
+    "angle_rad": "rad/s",
+    "force_N": "N/s",
+    "speed_rad_s": "N m s/rad",
+    "torque_N_m": "N m/s",
+}
 #: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
 FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
 
@@ -131,12 +139,11 @@ class SceneData(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _has_numbers_in_own_units(cls, data: object) -> object:
-        return in_own_units(data, **cls.units_of(data)) if isinstance(data, Mapping) else data
-
-    @classmethod
-    def units_of(cls, data: Mapping[str, object]) -> dict[str, str]:  # noqa: ARG003
-        """Return the units of fields that their names do not tell, by what the part is."""
-        return {}
+        if not isinstance(data, Mapping):
+            return data
+        slopes = next((unit for column, unit in SLOPES.items() if data.get(column) is not None), "rad/s")
+        exponent = data.get("exponent") or (1 if data.get("law") in LINEAR_LAWS else HERTZ_EXPONENT)
+        return in_own_units(data, end_slopes=slopes, stiffness=f"N/m^{exponent}")
 
     @classmethod
     def checked(cls: type[Kind], data: Mapping[str, Any]) -> Kind:
@@ -296,12 +303,6 @@ class Clearance(SceneData):
     friction: Friction | None = None
     bearing: PartName | None = None
 
-    @classmethod
-    def units_of(cls, data: Mapping[str, object]) -> dict[str, str]:
-        """Return the unit of the stiffness, by the exponent."""
-        exponent = data.get("exponent") or (1 if data.get("law") in LINEAR_LAWS else HERTZ_EXPONENT)
-        return {"stiffness": f"N/m^{exponent}"}
-
     @model_validator(mode="after")
     def _hangs_together(self) -> "Clearance":
         law, e, with_law = self.law, self.restitution, f"with law = '{self.law}'"
@@ -398,11 +399,6 @@ class ByTime(Table):
     force_N: Numbers | None = None
     torque_N_m: Numbers | None = None
     end_slopes: Numbers | None = None
-
-    @classmethod
-    def units_of(cls, data: Mapping[str, object]) -> dict[str, str]:
-        """Return the unit of the slopes at the ends."""
-        return {"end_slopes": "N/s" if data.get("force_N") is not None else "N m/s"}
 
     @model_validator(mode="after")
     def _is_a_table(self) -> "ByTime":
@@ -566,11 +562,6 @@ class TableDrive(AnyDrive, Table):
     position_m: Numbers | None = None
     end_slopes: Numbers | None = None
 
-    @classmethod
-    def units_of(cls, data: Mapping[str, object]) -> dict[str, str]:
-        """Return the unit of the slopes at the ends."""
-        return {"end_slopes": "rad/s" if data.get("guide") is None else "m/s"}
-
     @model_validator(mode="after")
     def _is_a_table(self) -> "TableDrive":
         self.require_table("time_s", self.fitting("angle_rad", "position_m"))
@@ -604,11 +595,6 @@ class TorqueDrive(AnyDrive, Table):
     time_s: Numbers | None = None
     end_slopes: Numbers | None = None
 
-    @classmethod
-    def units_of(cls, data: Mapping[str, object]) -> dict[str, str]:  # noqa: ARG003
-        """Return the unit of the slopes at the ends."""
-        return {"end_slopes": "N m/s"}
-
     @model_validator(mode="after")
     def _is_a_torque(self) -> "TorqueDrive":
         self.require_body()
@@ -637,11 +623,6 @@ class MotorDrive(AnyDrive, Table):
     speed_rad_s: Numbers | None = None
     torque_N_m: Numbers | None = None
     end_slopes: Numbers | None = None
-
-    @classmethod
-    def units_of(cls, data: Mapping[str, object]) -> dict[str, str]:  # noqa: ARG003
-        """Return the unit of the slopes at the ends."""
-        return {"end_slopes": "N m s/rad"}
 
     @model_validator(mode="after")
     def _drives(self) -> "MotorDrive":

@@ -1,10 +1,11 @@
 """A scene's parts as the mechanism by names that engines build from: names become numbers and places."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
-from engine_models.scene.format import ByTime, Load, Place, Sections, period_of
+from engine_models.scene.format import Guide, Load, Place, Sections, Spring, period_of
 from reference_solver.mechanism import data
 from reference_solver.mechanism.data import GROUND, Point
 from reference_solver.tape import FloatArray
@@ -22,10 +23,7 @@ def number_of(scene: Sections, name: str) -> int:
 
 def point_of(scene: Sections, name: str, pin: str) -> Point:
     """Return a pin of a body from its centre of mass, or of the ground from the origin."""
-    if name == "ground":
-        return pair(scene.ground.pins_m[pin])
-    body = scene.body[name]
-    return _from_centre(scene, name, body.pins_m[pin])
+    return _from_centre(scene, name, (scene.ground if name == "ground" else scene.body[name]).pins_m[pin])
 
 
 def _from_centre(scene: Sections, name: str, place: Place) -> Point:
@@ -47,114 +45,80 @@ def pins_of(scene: Sections) -> dict[str, list[str]]:
 def mechanism_data(scene: Sections) -> data.MechanismData:
     """Return the mechanism by names of a scene whose parts fit each other."""
     bodies = tuple(data.BodyData(name, body.mass_kg, body.inertia_kg_m2) for name, body in scene.body.items())
-    guides = _guides(scene)
-    return data.MechanismData(
-        bodies,
-        _pins(scene),
-        guides,
-        _springs(scene),
-        tuple(_load(scene, name, load, guides) for name, load in scene.load.items()),
-        _drive(scene, bodies, guides),
-        scene.gravity,
-    )
+    guides = tuple(_guide(scene, name, guide) for name, guide in scene.guide.items())
+    springs = tuple(_spring(scene, name, spring) for name, spring in scene.spring.items())
+    loads = tuple(_load(scene, name, load, guides) for name, load in scene.load.items())
+    drive = _drive(scene, bodies, guides)
+    return data.MechanismData(bodies, (*_pins(scene),), guides, springs, loads, drive, scene.gravity)
 
 
-def _pins(scene: Sections) -> tuple[data.Pin, ...]:
-    """Return the joints: of each pin from the first that has it to each other, named PIN or PIN.BODY."""
-    found = []
+def _end(scene: Sections, name: str, pin: str) -> tuple[int, Point]:
+    return number_of(scene, name), point_of(scene, name, pin)
+
+
+def _pins(scene: Sections) -> Iterator[data.Pin]:
+    """Yield the joints: of each pin from the first that has it to each other, named PIN or PIN.BODY."""
     for pin, (first, *others) in pins_of(scene).items():
         for other in others:
-            room = scene.clearance.get(pin)
-            found.append(
-                data.Pin(
-                    pin if len(others) == 1 else f"{pin}.{other}",
-                    number_of(scene, first),
-                    point_of(scene, first, pin),
-                    number_of(scene, other),
-                    point_of(scene, other, pin),
-                    None if room is None else room.data(),
-                    room is not None and room.bearing == other,
-                )
-            )
-    return tuple(found)
+            name, room = pin if len(others) == 1 else f"{pin}.{other}", scene.clearance.get(pin)
+            ends = *_end(scene, first, pin), *_end(scene, other, pin)
+            on_j = room is not None and room.bearing == other
+            yield data.Pin(name, *ends, None if room is None else room.data(), on_j)
 
 
-def _guides(scene: Sections) -> tuple[data.Guide, ...]:
-    return tuple(
-        data.Guide(
-            number_of(scene, guide.on),
-            _from_centre(scene, guide.on, guide.through_m),
-            guide.angle_rad,
-            number_of(scene, guide.body),
-            point_of(scene, guide.body, guide.pin),
-            name,
-            guide.turns,
-        )
-        for name, guide in scene.guide.items()
-    )
+def _guide(scene: Sections, name: str, guide: Guide) -> data.Guide:
+    through = number_of(scene, guide.on), _from_centre(scene, guide.on, guide.through_m)
+    return data.Guide(*through, guide.angle_rad, *_end(scene, guide.body, guide.pin), name, guide.turns)
 
 
-def _springs(scene: Sections) -> tuple[data.Spring, ...]:
-    found = []
-    for name, spring in scene.spring.items():
-        (i, pin_i), (j, pin_j) = (end.split(".") for end in spring.between)
-        ends = number_of(scene, i), point_of(scene, i, pin_i), number_of(scene, j), point_of(scene, j, pin_j)
-        damping = spring.damping_N_s_m or 0.0
-        found.append(data.Spring(name, *ends, spring.stiffness_N_m, spring.free_length_m, damping))
-    return tuple(found)
+def _spring(scene: Sections, name: str, spring: Spring) -> data.Spring:
+    i, j = (_end(scene, *end.split(".")) for end in spring.between)
+    return data.Spring(name, *i, *j, spring.stiffness_N_m, spring.free_length_m, spring.damping_N_s_m or 0.0)
 
 
 def _load(scene: Sections, name: str, load: Load, guides: tuple[data.Guide, ...]) -> data.Load:
-    body = number_of(scene, name)
+    body, gas, line = number_of(scene, name), None, None
+    if load.has_forces:  # along a guide of the body, or along a line through its centre of mass
+        fixed = data.Line(GROUND, (0.0, 0.0), load.along_rad or 0.0, body, (0.0, 0.0))
+        own = (guide for guide in guides if guide.body_j == body and load.guide in (None, guide.name))
+        line = next(own, fixed)
+    if load.gas is not None:
+        by_angle = load.gas.table("angle_rad", "force_N", period_of(load.gas.angle_rad))
+        gas = data.GasData(number_of(scene, load.gas.body or scene.drive.body or ""), by_angle)
     return data.Load(
         body,
-        _line(load, body, guides) if load.has_forces else None,
+        line,
         load.force_N or 0.0,
         load.viscous_N_s_m or 0.0,
         load.spring_N_m or 0.0,
         load.free_position_m or 0.0,
-        _gas(scene, load),
-        _by_time(load.by_time, "force_N"),
+        gas,
+        _by_time(load, "force_N"),
         load.torque_N_m or 0.0,
         load.viscous_N_m_s or 0.0,
-        _by_time(load.by_time, "torque_N_m"),
+        _by_time(load, "torque_N_m"),
     )
 
 
-def _line(load: Load, body: int, guides: tuple[data.Guide, ...]) -> data.Line:
-    """Return the line of a load's forces: a guide of the body, or one through its centre of mass."""
-    for guide in guides:
-        if guide.body_j == body and load.guide in (None, guide.name):
-            return guide
-    return data.Line(GROUND, (0.0, 0.0), load.along_rad or 0.0, body, (0.0, 0.0))
-
-
-def _gas(scene: Sections, load: Load) -> data.GasData | None:
-    gas = load.gas
-    if gas is None:
-        return None
-    body = number_of(scene, gas.body or scene.drive.body or "")
-    return data.GasData(body, gas.table("angle_rad", "force_N", period_of(gas.angle_rad)))
-
-
-def _by_time(table: ByTime | None, column: str) -> data.Table | None:
-    return None if table is None or getattr(table, column) is None else table.table("time_s", column)
+def _by_time(load: Load, column: str) -> data.Table | None:
+    own = load.by_time
+    return None if own is None or getattr(own, column) is None else own.table("time_s", column)
 
 
 def _drive(
     scene: Sections, bodies: tuple[data.BodyData, ...], guides: tuple[data.Guide, ...]
 ) -> data.DriveData:
-    drive, name = scene.drive, scene.driven
-    if drive.guide is not None:
+    name, states = scene.driven, scene.start.states
+    if scene.drive.guide is not None:
         number = [*scene.guide].index(name)
         body, told = guides[number].body_j, scene.start.speed_m_s.get(name)
-        if told is None and scene.start.states:
+        if told is None and states:
             told = _speed_along(scene, data.MechanismData(bodies, (), (guides[number],)))
     else:
         number, body, told = None, number_of(scene, name), scene.start.speed_rad_s.get(name)
-        if told is None and name in scene.start.states:
-            told = scene.start.states[name].angular_velocity_rad_s
-    return data.DriveData(body, number, drive.law(told or 0.0), scene.clock_s)
+        if told is None and name in states:
+            told = states[name].angular_velocity_rad_s
+    return data.DriveData(body, number, scene.drive.law(told or 0.0), scene.clock_s)
 
 
 def levers_m(of: data.MechanismData) -> list[float]:

@@ -102,28 +102,25 @@ def shortened(text: str, longest: int = LONGEST) -> str:
     return text if len(text) <= longest else f"{text[:longest]}..."
 
 
-def no_numbers(values: Mapping[str, object], kind: Any, prefix: str = "") -> str:
+def no_numbers(values: Mapping[str, object], kind: Any) -> str:
     """Return a refusal of what is not typed as a number where ``kind`` has one, empty if all are."""
     wanted = {key: expectation(schema) for key, schema in fields(kind).items()}
     return "; ".join(
-        f"{prefix}{key}: expected {wanted[key]}, got {shown(value)}"
+        f"{key}: expected {wanted[key]}, got {shown(value)}"
         for key, value in values.items()
         if wanted.get(key, "").startswith(NUMERIC) and not NUMBER.fullmatch(typed(value))
     )
 
 
-def refusal(error: ValidationError, kind: Any, prefix: str = "") -> str:
-    """Return why pydantic refused input for ``kind`` in one line.
-
-    The prefix goes before each field.
-    """
-    return "; ".join(refusals(error, kind, prefix))
+def refusal(error: ValidationError, kind: Any) -> str:
+    """Return why pydantic refused input for ``kind`` in one line."""
+    return "; ".join(refusals(error, kind))
 
 
-def refusals(error: ValidationError, kind: Any, prefix: str = "") -> list[str]:
+def refusals(error: ValidationError, kind: Any) -> list[str]:
     """Return why pydantic refused input for ``kind``: the first reasons, and how many more there are."""
     root = TypeAdapter(kind).json_schema()
-    reasons = [prefix + _reason(details, root) for details in error.errors()]
+    reasons = [_reason(details, root) for details in error.errors()]
     reasons = list({reason.partition(": ")[0]: reason for reason in reasons}.values())
     more = len(reasons) - MOST_REASONS  # each type that a field may have gives a reason: the last one stays
     return [*reasons[:MOST_REASONS], f"and {more} more"] if more > 0 else reasons

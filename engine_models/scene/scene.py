@@ -83,11 +83,6 @@ class Scene(Sections):
         fields = {field: value} if isinstance(field, str) else field
         return self.checked(with_fields(self.as_written(), fields))
 
-    def with_clearances(self, rooms: Mapping[str, Clearance]) -> "Scene":
-        """Return the scene with other clearances of joints that have one."""
-        changed = {f"clearance.{name}": room for name, room in rooms.items() if room != self.clearances[name]}
-        return self.replace(changed) if changed else self
-
     def as_written(self) -> dict[str, Any]:
         """Return the scene as a file has it, in its own spelling."""
         return self._short.as_written() if self._short else super().as_written()

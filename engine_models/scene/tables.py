@@ -1,4 +1,4 @@
-"""Tables in CSV files beside a scene's own: their columns, put where the scene would have lists.
+"""Users' files as text, and tables in CSV files: their columns, put where the scene would have lists.
 
 ``file = "drive.csv"`` stands for the lists of the part that it is in. The first line of the file names its
 columns, in any order and among others. Where semicolons are between the columns, numbers may have decimal
@@ -10,12 +10,12 @@ import csv
 import io
 import math
 import re
+import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from engine_models.scene.plain_words import shown
-from engine_models.scene.text_files import UnreadableFile, read_text
+from engine_models.scene.plain_words import shortened, shown
 from engine_models.scene.units import NUMBER, converted
 
 #: The columns of tables by the kind of drive, of one on a guide, of gas and of loads by time. Of those in
@@ -25,14 +25,49 @@ OF_DRIVES = {
     "torque": ("time_s", "torque_N_m"),
     "motor": ("speed_rad_s", "torque_N_m"),
 }
-OF_GUIDES, OF_CRANK, OF_GAS = (
-    ("time_s", "position_m"),
-    ("crank_angle_rad", "force_N"),
-    ("angle_rad", "force_N"),
-)
+OF_GUIDES, OF_CRANK = ("time_s", "position_m"), ("crank_angle_rad", "force_N")
+OF_GAS = "angle_rad", "force_N"
 OPTIONAL = ("force_N", "torque_N_m")
 BY_TIME = ("time_s", *OPTIONAL)
 COLUMN = re.compile(r"(drive|load\.[^.]+\.(gas|by_time))\.(\w+)")
+
+
+#: More than any table needs, and any scene with two tables of that size in it.
+LARGEST_BYTES = {"a table": 1_000_000, "a scene": 5_000_000}
+#: Where a shell puts pipes that it has opened, which cannot keep us waiting for somebody to open them.
+OPENED = (Path("/dev/stdin"), Path("/dev/fd"))
+KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
+
+
+class BadFile(ValueError):
+    """A file cannot be read, or is no table; the message names it, what was expected and what came."""
+
+
+def read_text(path: Path, what: str) -> str:
+    """Return the text in a file, or in what the shell has opened: ``/dev/stdin``, ``/dev/fd/3``.
+
+    ``what`` it is to hold is a key of ``LARGEST_BYTES``.
+
+    Raises:
+        BadFile: it cannot be read, is too large, or not UTF-8 text.
+    """
+    try:
+        kind = stat.S_IFMT(path.stat().st_mode)
+        if kind not in (stat.S_IFREG, stat.S_IFDIR) and not {path, path.parent} & set(OPENED):
+            got = KINDS.get(kind, "a device")
+            raise BadFile(f"{path}: expected a file that can be read, got {got}")
+        with path.open("rb") as file:
+            data = file.read(LARGEST_BYTES[what] + 1)
+    except OSError as error:
+        name = shortened(str(path), 255)
+        raise BadFile(f"{name}: expected a file that can be read, got '{error.strerror}'") from None
+    if len(data) > LARGEST_BYTES[what]:
+        raise BadFile(f"{path}: expected {what} of at most {LARGEST_BYTES[what]} bytes, got more")
+    try:
+        return data.decode("utf-8-sig")  # Windows' editors put a mark first
+    except UnicodeDecodeError as error:
+        byte = f"byte 0x{error.object[error.start]:02x} at {error.start}"
+        raise BadFile(f"{path}: expected UTF-8 text, got {byte}") from None
 
 
 def is_column(path: str) -> bool:
@@ -42,15 +77,11 @@ def is_column(path: str) -> bool:
     return found is not None and found[3] in columns
 
 
-class BadTable(ValueError):
-    """A table's file was refused; the message names the field, what was expected and what came."""
-
-
 def with_tables(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Return the data of a scene with lists in place of the names of files.
 
     Raises:
-        BadTable: a file cannot be read, or is no table of these columns.
+        BadFile: a file cannot be read, or is no table of these columns.
     """
     out = copy.deepcopy(dict(data))
     for path, part, columns in _tables(out):
@@ -87,9 +118,9 @@ def _lists(
     file, field = part["file"], f"{name}.file"
     beside = [column for column in columns if column in part]
     if beside:
-        raise BadTable(f"{field}: expected nothing beside {beside[0]}, got {shown(file)}")
+        raise BadFile(f"{field}: expected nothing beside {beside[0]}, got {shown(file)}")
     if not isinstance(file, str) or not file or not file.isprintable():
-        raise BadTable(f"{field}: expected the name of a CSV file, got {shown(file)}")
+        raise BadFile(f"{field}: expected the name of a CSV file, got {shown(file)}")
     return _columns(folder / file, columns, field)
 
 
@@ -101,10 +132,10 @@ def _columns(path: Path, columns: tuple[str, ...], field: str) -> dict[str, list
         separator = ";" if first.count(";") > first.count(",") else ","
         reader = csv.reader(io.StringIO(content, newline=""), delimiter=separator, skipinitialspace=True)
         lines = [(reader.line_num, line) for line in reader if any(cell.strip() for cell in line)]
-    except UnreadableFile as reason:
-        raise BadTable(f"{field}: {reason}") from None
+    except BadFile as reason:
+        raise BadFile(f"{field}: {reason}") from None
     except csv.Error as reason:
-        raise BadTable(f"{field}: {path}: expected a table of numbers, got '{reason}'") from None
+        raise BadFile(f"{field}: {path}: expected a table of numbers, got '{reason}'") from None
     head = [name.strip() for name in lines[0][1]] if lines else []
     if columns == BY_TIME:
         columns = tuple(column for column in BY_TIME if column not in OPTIONAL or column in head)
@@ -115,7 +146,7 @@ def _columns(path: Path, columns: tuple[str, ...], field: str) -> dict[str, list
         if len(like) != 1:
             came = shown(", ".join(head)) if head else "nothing"
             expected = f"{field}: {path}: expected the columns {', '.join(columns)} in its first line"
-            raise BadTable(f"{expected}, got {came}")
+            raise BadFile(f"{expected}, got {came}")
         places[column] = head.index(like[0])
         factors[column] = 1.0 if like[0] == column else float(converted(column, like[0]) or 1.0)
     out: dict[str, list[float]] = {column: [] for column in columns}
@@ -127,6 +158,6 @@ def _columns(path: Path, columns: tuple[str, ...], field: str) -> dict[str, list
             if not (NUMBER.fullmatch(number) and math.isfinite(float(number))):
                 came = shown(typed) if typed else "nothing"
                 expected = f"{field}: {path} line {line_number}: expected a finite number for {column}"
-                raise BadTable(f"{expected}, got {came}")
+                raise BadFile(f"{expected}, got {came}")
             out[column].append(factors[column] * float(number))
     return out

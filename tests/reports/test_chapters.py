@@ -102,6 +102,17 @@ def test_runs_whose_error_has_grown_to_the_clearance_are_told_and_not_ranked() -
     assert claims["saturated"].numbers == {"lost": (2, ""), "runs": (6, "")}
 
 
+def test_the_part_of_the_run_time_in_an_engines_own_calls_is_told() -> None:
+    """Its calls take 15 ms of 20, 60 and 180 ms; another round takes twice as long."""
+    studies = written()
+    cost_rows = studies["cost"].rows
+    inside_s = cost_rows["solve_time_s"].clip(upper=0.015).where(cost_rows["engine"] == "exudyn")
+    claims, _, _ = made(cost, {**studies, "cost": Results(cost_rows.assign(engine_time_s=inside_s))})
+    assert [name for name in claims if name.startswith("inside")] == ["inside exudyn"]
+    assert claims["inside exudyn"].numbers["least"][0] == pytest.approx(100 * 15 / 360)
+    assert claims["inside exudyn"].numbers["most"][0] == pytest.approx(100 * 15 / 20)
+
+
 def test_the_answer_is_the_fastest_setting_and_what_is_next_best() -> None:
     _, tables, _ = made(answer, written())
     (line,) = tables["answer"].cells().to_dict("records")

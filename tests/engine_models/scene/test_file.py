@@ -10,7 +10,7 @@ import pytest
 
 from engine_models.scene.file import SceneError, load
 from engine_models.scene.library import MECHANISMS, SCENES, ideal_free
-from engine_models.scene.text_files import LARGEST_BYTES
+from engine_models.scene.tables import LARGEST_BYTES
 from tests.helpers.command import crankslider
 
 TEXT = ideal_free().to_toml()
