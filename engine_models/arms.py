@@ -84,8 +84,6 @@ NATIVE_CONTACT = Arm("pymunk", "native contact", {"contact": "rigid"})
 SCIPY = Arm("scipy", AS_IT_COMES)
 SCIPY_DOP853 = Arm("scipy", "solve_ivp, DOP853", {"method": "DOP853"}, ("rtol", "atol"))
 LSODA = Arm("scipy", "solve_ivp, LSODA", {"method": "LSODA"}, ("rtol", "atol"))
-ODEINT = Arm("scipy", "odeint", {"method": "odeint"}, ("rtol", "atol"))
-ODE = Arm("scipy", "ode(dop853)", {"method": "dop853"}, ("rtol", "atol"))
 RADAU = Arm("scipy", "solve_ivp, Radau", {"method": "Radau"}, ("rtol", "atol"))
 #: Engines, and arms, whose solve gives the motion alone: forces are computed after the run, at the samples
 #: that are asked for, and are in no run time. Exudyn's explicit solvers have no joints to tell forces of.
@@ -117,8 +115,6 @@ MEANINGS = {
     SCIPY.label: "solve_ivp as it comes here: DOP853, with its events for contacts",
     SCIPY_DOP853.label: "solve_ivp with DOP853, order 8, and with its events for contacts",
     LSODA.label: "solve_ivp with LSODA, of variable order",
-    ODEINT.label: "odeint: LSODA by its older call, without events",
-    ODE.label: "integrate.ode with dop853: DOP853 by its older class, without events",
     RADAU.label: "solve_ivp with Radau, implicit, order 5",
 }
 

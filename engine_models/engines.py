@@ -24,7 +24,7 @@ _CLASSES = {
     "reference": ("engine_models.reference.engine", "ReferenceEngine"),
     "exudyn": ("engine_models.exudyn.engine", "ExudynEngine"),
     "pymunk": ("engine_models.pymunk.engine", "PymunkEngine"),
-    "scipy": ("engine_models.scipy_ivp.engine", "ScipyEngine"),
+    "scipy": ("engine_models.minimal.engine", "ScipyEngine"),
 }
 _CLASSES |= {
     point.name: (point.module, point.attr)

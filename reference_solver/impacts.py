@@ -32,8 +32,9 @@ with the contact's row in B and e applied to that row only, and the loss is (1 -
 A pin that hits alone, without friction, and flies off again has its rebound in the loop (``loop.bounce``).
 """
 
+import math
 from dataclasses import dataclass
-from itertools import chain, combinations, product
+from itertools import chain, combinations, pairwise, product
 from typing import Any
 
 import numpy as np
@@ -278,6 +279,10 @@ class Impacts:
         self._friction = np.array([0.0 if law is None else law.coefficient for law in laws])
         rows = np.cumsum([law is not None for law in laws]) + len(rigid) - 1
         self._tangent = [-1 if law is None else int(row) for law, row in zip(laws, rows, strict=True)]
+        R, S, n = len(rigid), len(rigid) + sum(law is not None for law in laws), equations.n
+        self._shapes = (R, WALL_FIELDS), (S, n), (S, n), (S, S), (S,), (n,)
+        ends = np.cumsum([0, *map(math.prod, self._shapes)]).tolist()
+        self._places = [slice(*each) for each in pairwise(ends)]
         self._noise, self._at_once, self._last_s = np.zeros(len(rigid)), 0, -1.0
         self.following: tuple[int, ...] = ()
         self.impacts, self.changes, self.resolved = list[Impact](), list[ModeChange](), 0
@@ -320,14 +325,10 @@ class Impacts:
 
     def _walls(self, run: Run) -> Walls:
         """Return the walls at a run's state; round-off of speeds from faster ones is that of the fastest."""
-        state, (R, n) = run.state[0], (len(self._contact), len(run.q))
-        S = int(state["wall_rows"])
-        shapes = (R, WALL_FIELDS), (S, n), (S, n), (S, S), (S,), (n,)
-        ends = np.cumsum([np.prod(shape, dtype=int) for shape in shapes])
-        numbers, t = np.zeros(ends[-1]), float(state["time"])
+        numbers, t = np.zeros(self._places[-1].stop), float(run.state["time"][0])
         if not self._look(self._p, run.contacts.ctypes.data, t, run.rows[OLD], numbers) < np.inf:
             self._equations.refuse_singular(t, run.q)
-        parts = [part.reshape(s) for part, s in zip(np.split(numbers, ends[:-1]), shapes, strict=True)]
+        parts = [numbers[place].reshape(s) for place, s in zip(self._places, self._shapes, strict=True)]
         of_joints = parts[0].T.copy()
         of_joints[4] = self._noise = np.maximum(self._noise, of_joints[4])
         return Walls(*of_joints, *parts[1:])

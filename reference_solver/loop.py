@@ -10,8 +10,9 @@ no method keeps its order over them. Steps of RK4 are graded there, (i/N)^2 of t
 error control the step is one in s, with the time t = t0 + s^2 from a touch on and t = t1 - s^2 up to a
 release: the penetration, of order s^2, has the square root s, and the force is smooth in s.
 
-Numba compiles this module as it stands, once for all mechanisms and methods, and once more without contacts:
-these are None then, and what is about them is left out. A kernel's functions are called by address.
+Numba compiles this module as it stands, once for all mechanisms. Where there are no contacts, no
+knots of loads, or no error estimate, contacts, knots or method are None: what is about them is left out then,
+and compiled when it is needed. A kernel's functions are called by address.
 """
 
 from typing import NamedTuple
@@ -53,7 +54,7 @@ from reference_solver.run import (
     Gap,
 )
 
-inner = register_jitable(**OPTIONS)
+inner = register_jitable(**OPTIONS, no_cfunc_wrapper=True)
 
 #: Part of the clearance (or of a radian) that a pin crosses in a step of flight, by RK4 and with error
 #: control.
@@ -315,7 +316,7 @@ def to_kink(run, rows, knots, h, most, short):
 
 
 @inner
-def propose(run, rows, contacts, knots):
+def propose(run, rows, contacts, method, knots):
     """Return the step to try, and the contact that is released at its end, or -1.
 
     Steps of one length land on its multiples. From between two of them, where a shorter step has ended, they
@@ -323,8 +324,10 @@ def propose(run, rows, contacts, knots):
     """
     t, h, landing, releasing = run.time, run.longest, run.end, -1
     step = Step(t, 0.0, 0.0, h, t + h)
-    if run.controlled != 0:
-        h = to_knot(run, rows, knots, min(run.step, h), 1.0, 0.0)
+    if method is not None:
+        h = min(run.step, h)
+        if knots is not None:
+            h = to_knot(run, rows, knots, h, 1.0, 0.0)
         step = Step(t, 0.0, 0.0, h, t + h)
         if contacts is not None:
             h = in_flight(run, rows, contacts, OLD, h, CONTROLLED_FLIGHT_PART)
@@ -341,7 +344,8 @@ def propose(run, rows, contacts, knots):
                 landing = run.end
         elif contacts is not None:
             h = graded_step(run, rows, contacts)
-        h = to_knot(run, rows, knots, h, 0.0, SHORT * run.longest)
+        if knots is not None:
+            h = to_knot(run, rows, knots, h, 0.0, SHORT * run.longest)
         if run.rejected != 0:
             h = min(h, run.step)
         step = Step(t, 0.0, 0.0, h, t + h)
@@ -356,16 +360,16 @@ def propose(run, rows, contacts, knots):
 
 
 @inner
-def changed(run, error):
+def changed(run, method, error):
     """Return the factor by which a step changes, from its error and the one before (Gustafsson 1991)."""
-    if run.controlled == 0:
+    if method is None:
         return 1.0 if error <= 1.0 else ASIDE
     most = MOST if run.rejected == 0 else 1.0
     if error > 1.0:
-        return max(LEAST, SAFETY * error**-run.exponent) if np.isfinite(error) else LEAST
+        return max(LEAST, SAFETY * error ** -method[0].exponent) if np.isfinite(error) else LEAST
     if error == 0.0:
         return most
-    factor = SAFETY * error ** (0.2 * BETA - run.exponent) * run.error**BETA
+    factor = SAFETY * error ** (0.2 * BETA - method[0].exponent) * run.error**BETA
     return min(most, max(LEAST, factor))
 
 
@@ -391,16 +395,16 @@ def add(out, weight, row, size):
 
 
 @inner
-def set_stage(run, rows, step, row):
+def set_stage(run, rows, method, step, row):
     """Set a row of slopes by those before it, as the method has it; return the condition there."""
     at, old, slopes = rows[AT], rows[OLD], rows[SLOPES + row]
     for c in range(run.size):
         at[c] = old[c]
     for j in range(row):
-        weight = step.H * run.matrix[row, j]
+        weight = step.H * method[0].matrix[row, j]
         if weight != 0.0:
             add(at, weight, rows[SLOPES + j], run.size)
-    t, rate = time_at(step, step.begin + run.nodes[row] * step.H)
+    t, rate = time_at(step, step.begin + method[0].nodes[row] * step.H)
     condition = set_slopes(run, t, AT, SLOPES + row)
     if step.sign != 0.0:
         for c in range(run.size):
@@ -409,13 +413,13 @@ def set_stage(run, rows, step, row):
 
 
 @inner
-def norm(run, rows, which):
+def norm(run, rows, method, which):
     """Return the sum of squares of an estimate of the error per unit of s, over the tolerance."""
     out, weights, total, size = rows[AT], rows[WEIGHT], 0.0, 2 * run.n
     for c in range(size):
         out[c] = 0.0
-    for j in range(run.stages):
-        weight = run.estimates[which, j]
+    for j in range(method[0].stages):
+        weight = method[0].estimates[which, j]
         if weight != 0.0:
             add(out, weight, rows[SLOPES + j], size)
     for c in range(size):
@@ -425,24 +429,24 @@ def norm(run, rows, which):
 
 
 @inner
-def estimated(run, rows, step):
+def estimated(run, rows, method, step):
     """Take a step's stages to its end; return its error over the tolerance, infinite on failure."""
     size, worst, least = run.size, 1.0, np.inf
     first, start, new, old = rows[SLOPES], rows[START], rows[NEW], rows[OLD]
     _, rate = time_at(step, step.begin)
     for c in range(size):
         first[c], new[c] = rate * start[c], 0.0
-    for i in range(1, run.stages):
-        condition = set_stage(run, rows, step, i)
+    for i in range(1, method[0].stages):
+        condition = set_stage(run, rows, method, step, i)
         if not condition < np.inf:
             return np.inf
         worst, least = max(worst, condition), min(least, condition)
     run.worst, run.best = worst, least
-    for j in range(run.stages):
-        add(new, run.weights[j], rows[SLOPES + j], size)
+    for j in range(method[0].stages):
+        add(new, method[0].weights[j], rows[SLOPES + j], size)
     for c in range(size):  # the sum first, then y, for the sake of rounding
         new[c] = old[c] + step.H * new[c]
-    fifth, third = norm(run, rows, 0), norm(run, rows, 1)
+    fifth, third = norm(run, rows, method, 0), norm(run, rows, method, 1)
     error = abs(step.H) * fifth / np.sqrt((fifth + 0.01 * third) * 2.0 * run.n + 1e-300)
     return error if np.isfinite(error + third) else np.inf
 
@@ -463,14 +467,14 @@ def round_off_error(run, rows, contacts):
 
 
 @inner
-def attempt(run, rows, contacts, step, most):
+def attempt(run, rows, contacts, method, step, most):
     """Take a step onto the constraints; return its error over the tolerance, infinite on failure.
 
     One whose error is more than ``most`` is left where it is. A step is not to end too near to a singular
     position: the next one would begin with what is amplified.
     """
     old, new, end, size = rows[OLD], rows[NEW], rows[END], run.size
-    if run.controlled == 0:
+    if method is None:
         run.known, old[run.place_of_h] = 0, step.H
         state = run.at + OLD * run.width
         run.worst = call(run.step_function, run.p, run.contacts, run.time, state, run.at + NEW * run.width)
@@ -479,7 +483,7 @@ def attempt(run, rows, contacts, step, most):
             new[c] += old[c] if c >= 2 * run.n else 0.0
             total += new[c]
         return 0.0 if run.worst < np.inf and np.isfinite(total) else np.inf
-    error = estimated(run, rows, step)
+    error = estimated(run, rows, method, step)
     if contacts is not None:
         error /= max(1.0, round_off_error(run, rows, contacts))
     if not error <= most:
@@ -667,7 +671,7 @@ def first_event(run, rows, contacts, h, skip):
 
 
 @inner
-def land(run, rows, contacts, step, end, event, taken):
+def land(run, rows, contacts, method, step, end, event, taken):
     """End the step on an event near a time; return it, with NaN for its end if it cannot.
 
     By Newton's method on the gap, of which a step from the same start is a smooth function of its end; a
@@ -685,7 +689,7 @@ def land(run, rows, contacts, step, end, event, taken):
                 step = Step(end, -1.0, begin, -begin, end)
             else:
                 step = Step(step.origin, step.sign, step.begin, place_at(step, end) - step.begin, end)
-            if not attempt(run, rows, contacts, step, 10.0) < 10.0:
+            if not attempt(run, rows, contacts, method, step, 10.0) < 10.0:
                 break
         gap = gap_of(run, rows, NEW, k)
         if exact:
@@ -714,7 +718,7 @@ def unseen(run, rows, contacts):
 
 
 @inner
-def cut(run, rows, contacts, step, releasing):
+def cut(run, rows, contacts, method, step, releasing):
     """Return a step that has been taken, or the one to the first event in it, the event, and its place.
 
     Without an event that is -1; the end is NaN where the step is to be tried again, and a place of 0 says
@@ -741,7 +745,7 @@ def cut(run, rows, contacts, step, releasing):
         event = other
         if place <= 0.0 or trials == most:
             break
-        step = land(run, rows, contacts, step, t + place * (step.end - t), event, place >= 1.0)
+        step = land(run, rows, contacts, method, step, t + place * (step.end - t), event, place >= 1.0)
         if np.isnan(step.end):
             return step, event, place
     if event < 0 and unseen(run, rows, contacts):
@@ -997,9 +1001,9 @@ def write(run, rows, contacts, samples, t, of):
 
 
 @inner
-def interpolate(run, rows, step, x, parts):
+def interpolate(run, rows, method, step, x, parts):
     """Set y of AT to that at x of a step, by the first rows of dense output; of RK4 q by the quintic."""
-    if run.controlled == 0:
+    if method is None:
         set_within(run, rows, step.end - run.time, x, run.time)
     for c in range(0 if run.controlled != 0 else run.n, run.size):
         change = 0.0
@@ -1009,7 +1013,7 @@ def interpolate(run, rows, step, x, parts):
 
 
 @inner
-def write_within(run, rows, contacts, times, samples, step):
+def write_within(run, rows, contacts, method, times, samples, step):
     """Write the samples before the end of a step by the method's interpolant: of order 7 in s, or 4.
 
     Return whether it could. RK4's is, of velocities and sums, the quartic through values and slopes at both
@@ -1018,34 +1022,36 @@ def write_within(run, rows, contacts, times, samples, step):
     """
     if run.taken == len(times) or times[run.taken] >= step.end:
         return True
-    ok, size, stages, H = know_slopes(run, step.end - run.time), run.size, run.stages, step.H
+    ok, size, H = know_slopes(run, step.end - run.time), run.size, step.H
     _, first = time_at(step, step.begin)
     _, last = time_at(step, step.begin + H)
     for c in range(size):
-        rows[SLOPES, c], rows[SLOPES + stages, c] = first * rows[START, c], last * rows[END, c]
         change = rows[NEW, c] - rows[OLD, c]
-        start, stop = H * rows[SLOPES, c], H * rows[SLOPES + stages, c]
+        start, stop = H * (first * rows[START, c]), H * (last * rows[END, c])
         rows[DENSE, c], rows[DENSE + 1, c] = change, start - change
         rows[DENSE + 2, c] = 2.0 * change - start - stop
-    for row in range(stages + 1, run.slopes):
-        ok = set_stage(run, rows, step, row) < np.inf and ok
-    for i in range(run.dense_rows):
-        for c in range(size):
-            total = 0.0
-            for j in range(run.slopes):
-                total += run.dense[i, j] * rows[SLOPES + j, c]
-            rows[DENSE + 3 + i, c] = H * total
-    parts = 3 + run.dense_rows
-    if run.controlled == 0:
-        parts = 4
-        interpolate(run, rows, step, INSIDE, 3)
+    parts = 4
+    if method is None:
+        interpolate(run, rows, method, step, INSIDE, 3)
         ok = set_slopes(run, run.time + INSIDE * H, AT, SLOPES) < np.inf and ok
         for c in range(size):  # x^2 (1 - x)^2 has the slope 4/27 there
             cubic = rows[DENSE, c] + (rows[DENSE + 1, c] + rows[DENSE + 2, c]) / 3.0
             rows[DENSE + 3, c] = 6.75 * (H * rows[SLOPES, c] - cubic)
+    else:
+        stages, parts = method[0].stages, 3 + method[0].dense_rows
+        for c in range(size):
+            rows[SLOPES, c], rows[SLOPES + stages, c] = first * rows[START, c], last * rows[END, c]
+        for row in range(stages + 1, method[0].slopes):
+            ok = set_stage(run, rows, method, step, row) < np.inf and ok
+        for i in range(method[0].dense_rows):
+            for c in range(size):
+                total = 0.0
+                for j in range(method[0].slopes):
+                    total += method[0].dense[i, j] * rows[SLOPES + j, c]
+                rows[DENSE + 3 + i, c] = H * total
     while run.taken < len(times) and times[run.taken] < step.end:
         time = times[run.taken]
-        interpolate(run, rows, step, (place_at(step, time) - step.begin) / H, parts)
+        interpolate(run, rows, method, step, (place_at(step, time) - step.begin) / H, parts)
         ok = write(run, rows, contacts, samples, time, AT) and ok
     return ok
 
@@ -1054,7 +1060,7 @@ def write_within(run, rows, contacts, times, samples, step):
 
 
 @inner
-def set_out(run, rows, contacts):
+def set_out(run, rows, contacts, method):
     """Set slopes and gaps where a run, or a part of it, begins; return whether it could.
 
     Compliant contacts that are closed at the start of a run touch then.
@@ -1067,19 +1073,19 @@ def set_out(run, rows, contacts):
             if run.time == 0.0 and run.end > 0.0 and contacts[k].rigid == 0.0 and closed:
                 note(run, rows, contacts, 2 * k)
         probe(run, rows, contacts)  # pins may have begun to follow rigid walls
-    if run.controlled == 0:
+    if method is None:
         return True
     run.known = 1
     return set_slopes(run, run.time, OLD, START) < np.inf
 
 
 @inner
-def move_on(run, rows, contacts, step, error, event, factor):
+def move_on(run, rows, contacts, method, step, error, event, factor):
     """Move on to the end of a step, and choose the one after it."""
     old, new = rows[OLD], rows[NEW]
     for c in range(run.whole):
         old[c] = new[c]
-    if run.controlled != 0:
+    if method is not None:
         for c in range(run.size):
             rows[START, c] = rows[END, c]
     if contacts is not None:
@@ -1098,15 +1104,15 @@ def move_on(run, rows, contacts, step, error, event, factor):
 
 
 @compiled(**OPTIONS)
-def advance(state, rows, contacts, knots, times, samples):
+def advance(state, rows, contacts, method, knots, times, samples):
     """Advance the motion to the run's end in place, event by event; return how that ended.
 
-    See ``run.Run`` of the arguments; the contacts may be None. Events are added to the log, and a sample is
-    written for each of the times up to the end; steps do not depend on them.
+    See ``run.Run`` of the arguments; contacts, method and knots may be None. Events are added to the log,
+    and a sample is written for each of the times up to the end; steps do not depend on them.
     """
     run = state[0]
     if run.resumed == 0:
-        if not set_out(run, rows, contacts):
+        if not set_out(run, rows, contacts, method):
             return FAILED
     while True:
         while run.taken < len(times) and times[run.taken] <= run.time + run.slack:
@@ -1122,26 +1128,27 @@ def advance(state, rows, contacts, knots, times, samples):
                 return FULL
             if run.located != 0 and run.steps % STEPS_BETWEEN_PROBES == 0 and any_closed(contacts):
                 probe(run, rows, contacts)
-        step, releasing = propose(run, rows, contacts, knots)
-        error, t = attempt(run, rows, contacts, step, 1.0), run.time
-        for _ in range(KINK_TRIALS):
-            short = 0.0 if run.controlled != 0 else SHORT * run.longest
-            landed = to_kink(run, rows, knots, step.end - t, run.end - t, short)
-            end = t + landed
-            if landed == step.end - t or not (error <= 1.0 and end > t):
-                break
-            step = Step(step.origin, step.sign, step.begin, place_at(step, end) - step.begin, end)
-            releasing = -1
-            error = attempt(run, rows, contacts, step, 1.0)
-        event, place, factor, longer = -1, 1.0, changed(run, error), step
+        step, releasing = propose(run, rows, contacts, method, knots)
+        error, t = attempt(run, rows, contacts, method, step, 1.0), run.time
+        if knots is not None:
+            for _ in range(KINK_TRIALS):
+                short = 0.0 if run.controlled != 0 else SHORT * run.longest
+                landed = to_kink(run, rows, knots, step.end - t, run.end - t, short)
+                end = t + landed
+                if landed == step.end - t or not (error <= 1.0 and end > t):
+                    break
+                step = Step(step.origin, step.sign, step.begin, place_at(step, end) - step.begin, end)
+                releasing = -1
+                error = attempt(run, rows, contacts, method, step, 1.0)
+        event, place, factor, longer = -1, 1.0, changed(run, method, error), step
         if contacts is not None:
             if error <= 1.0:
-                if run.controlled != 0:
+                if method is not None:
                     reach = in_flight(run, rows, contacts, NEW, step.end - t, CONTROLLED_FLIGHT_PART)
                     error = np.inf if reach < 0.5 * (step.end - t) else error
-                    factor = changed(run, error)
+                    factor = changed(run, method, error)
             if error <= 1.0:
-                step, event, place = cut(run, rows, contacts, step, releasing)
+                step, event, place = cut(run, rows, contacts, method, step, releasing)
                 if np.isnan(step.end):
                     error, step, factor = np.inf, Step(t, 0.0, 0.0, longer.end - t, longer.end), 0.5
         if not error <= 1.0:
@@ -1151,11 +1158,11 @@ def advance(state, rows, contacts, knots, times, samples):
             continue
         run.steps += 1
         if event < 0 or place > 0.0:
-            if not write_within(run, rows, contacts, times, samples, step):
+            if not write_within(run, rows, contacts, method, times, samples, step):
                 return FAILED
             if contacts is not None:
                 note_largest(run, rows, contacts, step.end - t)
-            move_on(run, rows, contacts, step, error, event, factor)
+            move_on(run, rows, contacts, method, step, error, event, factor)
         if contacts is not None:
             if event >= 0:
                 if contacts[event // 2].rigid == 0.0:

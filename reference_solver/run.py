@@ -88,33 +88,40 @@ EVENT_RECORD = np.dtype(
 
 #: Where a run is, and how it steps. In floats: time, end, the longest step, steps per contact; tolerance, the
 #: mechanism's length in m and rate in 1/s, the next step and that of the last flight, a contact's first step
-#: as a part of its duration, the last error over the tolerance, one over the order; the worst condition so
+#: as a part of its duration, the last error over the tolerance; the worst condition so
 #: far, the least at a sample, and worst and least of the step tried last, with its length; how far a sample
 #: may be past a step's end; and the flights between rigid walls that are not followed: shorter than so many
 #: seconds, or no higher than so many times the distance's round-off. In integers: coordinates, numbers in y,
 #: rigid joints and rows of ``impacts.walls_at``; whether steps go by their error, events are located, slopes
 #: at both ends of a step are known, and a call goes on where the last one ended; steps, their limit, samples
 #: and events so far, steps landed on when all are of one length, rejections in a row, the contact that has
-#: just begun or -1, the one whose event on a rigid wall is to be resolved or -1, and pins that follow; the
-#: method's stages, slopes, and rows of dense output; what the kernel's functions are called with, addresses
-#: of numbers, contacts, rows and samples and how long these are in bytes, where a state has the length of a
-#: step, and how much of a row is a state; and the functions. Then the method, and the log.
+#: just begun or -1, the one whose event on a rigid wall is to be resolved or -1; what the kernel's functions
+#: are called with, addresses of numbers, contacts, rows and samples and how long these are in bytes, where a
+#: state has the length of a step, and how much of a row is a state; and the functions. Then the log.
 RUN_RECORD = np.dtype(
     [
         *record(
-            "time end longest per_contact tolerance length rate step flight_step first_part error exponent "
+            "time end longest per_contact tolerance length rate step flight_step first_part error "
             "condition least worst best tried slack shortest_s lowest",
             "n size rigid_joints wall_rows controlled located known resumed steps budget taken logged landed "
-            "rejected fresh wall stages slopes dense_rows "
+            "rejected fresh wall "
             "p contacts at width samples sample_width place_of_h whole "
             "rates forces project gaps mobilities walls walls_p step_function",
         ),
+        ("events", EVENT_RECORD, LOG_ROWS),
+    ]
+)
+
+#: A method with an error estimate (see ``methods.Tableau``): one over its order, numbers of stages, of
+#: slopes, and of rows of dense output.
+METHOD_RECORD = np.dtype(
+    [
+        *record("exponent", "stages slopes dense_rows"),
         ("nodes", np.float64, MOST_SLOPES),
         ("weights", np.float64, MOST_SLOPES),
         ("matrix", np.float64, (MOST_SLOPES, MOST_SLOPES)),
         ("estimates", np.float64, (2, MOST_SLOPES)),
         ("dense", np.float64, (SLOPES - DENSE - 3, MOST_SLOPES)),
-        ("events", EVENT_RECORD, LOG_ROWS),
     ]
 )
 
@@ -151,7 +158,7 @@ class Impact(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What the loop works on: ``state`` (1,) ``RUN_RECORD``, rows, contacts (K,), knots, and samples.
+    """What the loop works on: ``state`` (1,), rows, contacts (K,), method (1,) or None, knots, and samples.
 
     A row of OLD, NEW and AT is a state: y with n coordinates, velocities and sums of powers since t = 0, the
     contacts' gaps, and for a step of one length this and what rounding has taken. ``samples`` at ``times``
@@ -162,6 +169,7 @@ class Run(NamedTuple):
     state: RecordArray
     rows: FloatArray
     contacts: RecordArray
+    method: RecordArray | None
     knots: RecordArray
     times: FloatArray
     samples: FloatArray
@@ -201,7 +209,7 @@ def new_run(
 
     ``sums`` are named as in ``Equations.power_names``; sizes are the numbers of coordinates and {lambda}.
     """
-    (n, multipliers), K, table = sizes, len(joints), tableau(method)
+    (n, multipliers), K = sizes, len(joints)
     contacts = np.zeros(K, CONTACT_RECORD)
     size, gaps = 2 * n + len(sums), GAP_FIELDS * K
     rigid = [joint for joint in joints if joint.rigid]
@@ -218,15 +226,23 @@ def new_run(
     (run,) = state
     run["n"], run["size"], run["wall"], run["fresh"], run["condition"] = n, size, -1, -1, 1.0
     run["least"], run["error"], run["rigid_joints"], run["wall_rows"] = np.inf, 1.0, len(rigid), wall_rows
-    run["stages"], run["slopes"] = len(table.weights), len(table.nodes)
-    run["dense_rows"], run["exponent"] = len(table.dense), table.exponent
-    for name in ("nodes", "weights", "matrix", "estimates", "dense"):
-        part = getattr(table, name)
-        run[name][tuple(slice(0, length) for length in part.shape)] = part
     run["contacts"], run["at"], run["width"] = contacts.ctypes.data, rows.ctypes.data, rows.strides[0]
     run["samples"], run["sample_width"] = samples.ctypes.data, samples.strides[0]
     run["place_of_h"], run["whole"] = size + gaps, size + gaps + 1 + 2 * n
-    return Run(state, rows, contacts, np.array(list(knots), KNOT_RECORD), times, samples)
+    return Run(state, rows, contacts, record_of(method), np.array(list(knots), KNOT_RECORD), times, samples)
+
+
+def record_of(method: Method) -> RecordArray | None:
+    """Return a method with an error estimate as ``METHOD_RECORD`` (1,), None of another."""
+    if method.embedded is None:
+        return None
+    table, methods = tableau(method), np.zeros(1, METHOD_RECORD)
+    methods["exponent"], methods["stages"] = table.exponent, len(table.weights)
+    methods["slopes"], methods["dense_rows"] = len(table.nodes), len(table.dense)
+    for name in ("nodes", "weights", "matrix", "estimates", "dense"):
+        part = getattr(table, name)
+        methods[name][0][tuple(slice(0, length) for length in part.shape)] = part
+    return methods
 
 
 def set_contact(contact: np.void, joint: ClearanceJoint) -> None:

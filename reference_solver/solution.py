@@ -15,7 +15,8 @@ from reference_solver.tape import FloatArray, RecordArray
 #: What a contact dissipates by (see ``contact.force.rates_of``).
 LOSSES = ("loss", "clip", "slide", "impact", "closing")
 #: What an event that ends a contact tells of it.
-ENDED = ("approach", "impulse", "lost")
+ENDED = ["time_s", "contact", "what", "approach", "impulse", "lost", "mass", "began_s"]
+ENDED += ["force", "force_s", "deepest", "deepest_s"]
 
 
 @dataclass(frozen=True)
@@ -131,12 +132,11 @@ def columns_of(samples: FloatArray, n: int, names: list[str], contacts: int) -> 
 def impacts_in(events: RecordArray) -> list[Impact]:
     """Return the compliant contacts that are over and the rebounds from rigid walls, of a log (E,)."""
     impacts, nan = list[Impact](), np.nan
-    for e in events[np.isin(events["what"], (RELEASE, REBOUND, SUPPORT))]:
-        t, k, speed, impulse, lost = (e[name].item() for name in ("time_s", "contact", *ENDED))
-        if e["what"] != RELEASE:
-            kind = "impact" if e["what"] == REBOUND else "support"
-            impacts.append(Impact(t, k, kind, 0.0, speed, impulse, 0.0, lost, float(e["mass"])))
-            continue
-        began, *largest = (float(e[name]) for name in ("began_s", "force", "force_s", "deepest", "deepest_s"))
-        impacts.append(Impact(began, k, "contact", t - began, speed, impulse, nan, lost, nan, *largest))
+    ended = events[np.isin(events["what"], (RELEASE, REBOUND, SUPPORT))]
+    for t, k, what, speed, impulse, lost, mass, began, *largest in ended[ENDED].tolist():
+        if what == RELEASE:
+            impacts.append(Impact(began, k, "contact", t - began, speed, impulse, nan, lost, nan, *largest))
+        else:
+            kind = "impact" if what == REBOUND else "support"
+            impacts.append(Impact(t, k, kind, 0.0, speed, impulse, 0.0, lost, mass))
     return impacts

@@ -255,7 +255,8 @@ class Solver:
         from reference_solver.loop import advance
 
         contacts = run.contacts if self._joints else None
-        return int(advance(run.state, run.rows, contacts, run.knots, run.times, run.samples))
+        knots = run.knots if len(run.knots) else None
+        return int(advance(run.state, run.rows, contacts, run.method, knots, run.times, run.samples))
 
     def run(
         self,

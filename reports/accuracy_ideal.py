@@ -23,7 +23,7 @@ from reports.results import (
     value,
     with_columns,
 )
-from studies.judges.convergence import RULE, Order, observed_order
+from studies.judges.convergence import RULE, observed_order
 
 #: The engine that integrates with RK4 where a row sets no other method, and the order of RK4.
 REFERENCE, RK4_ORDER = "reference", 4
@@ -64,47 +64,43 @@ def _figure(name: str, title: str, caption: str, by_signal: list[list[Panel]]) -
     return Figure(name, title, caption, "accuracy", drawing, points(panels)) if drawing else None
 
 
-def orders(rows: pd.DataFrame, column: str) -> dict[str, dict[str, Order]]:
-    """Return the observed order of a column by label and scene, where a finished run has it."""
-    scale = with_columns(rows, column.replace("_error_", "_scale_"))[column.replace("_error_", "_scale_")]
-    rows = rows.assign(error=value(rows, column), doubt=uncertainty(rows, column), scale=scale)
-    floors = rows.groupby("scene")["doubt"].max().fillna(0.0)
-    scales = rows.groupby("scene")["scale"].max().fillna(np.inf)
-    by_label: dict[str, dict[str, Order]] = {label: {} for label in labels(rows)}
+def orders(rows: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Return a column's orders by ``label`` and ``scene``: a ``slope``, NaN where ``verdict`` says why."""
+    name = column.replace("_error_", "_scale_")
+    rows = rows.assign(error=value(rows, column), doubt=uncertainty(rows, column))
+    rows = rows.assign(scale=with_columns(rows, name)[name]).dropna(subset=["label", "scene"])
+    ends = rows.groupby("scene").agg(floor=("doubt", "max"), scale=("scale", "max"))
+    ends = ends.fillna({"floor": 0.0, "scale": np.inf})
+    lines = []
     for (label, scene), of in rows.dropna(subset="error").groupby(["label", "scene"], observed=True):
-        ends = floors[scene], scales[scene]
-        by_label[label][scene] = observed_order(of["mean_step_s"], of["error"], *ends)
-    return by_label
-
-
-def _slopes(rows: pd.DataFrame, column: str) -> dict[str, list[float]]:
-    """Return by configuration the observed orders of a column on the scenes where it has one."""
-    return {
-        label: [of.slope for of in by_scene.values() if of.slope is not None]
-        for label, by_scene in orders(rows, column).items()
-    }
+        order = observed_order(of["mean_step_s"], of["error"], *ends.loc[scene])
+        lines.append((label, scene, order.slope, order.verdict))
+    return pd.DataFrame(lines, columns=["label", "scene", "slope", "verdict"]).astype({"slope": float})
 
 
 def _rk4_order(rows: pd.DataFrame, position: str) -> Iterator[Claim]:
     """Yield the observed orders of the reference engine's RK4, which are 4."""
     methods = with_columns(rows, "setting_method")["setting_method"]
     rk4 = rows[(rows["engine"] == REFERENCE) & methods.isna()]
-    found = {column: [*chain(*_slopes(rk4, column).values())] for column in (position, FORCE)}
-    told = [f"{span(of)} in {words(column)[0].replace(' error', '')}" for column, of in found.items() if of]
-    every = [*chain(*found.values())]
+    slopes = {column: orders(rk4, column)["slope"].dropna() for column in (position, FORCE)}
+    told = [
+        f"{span(of)} in {words(column)[0].replace(' error', '')}" for column, of in slopes.items() if len(of)
+    ]
     if told:
-        numbers = {"least": (min(every), ""), "most": (max(every), "")}
+        every = pd.concat(slopes.values())
+        numbers = {"least": (every.min(), ""), "most": (every.max(), "")}
         text = f"Observed order of the reference engine (RK4): {listed(told)}."
-        yield Claim("rk4-order", text, numbers, {*map(round, every)} == {RK4_ORDER})
+        yield Claim("rk4-order", text, numbers, bool((every.round() == RK4_ORDER).all()))
 
 
 def _pymunk_orders(rows: pd.DataFrame, position: str) -> Iterator[Claim]:
     """Yield the observed orders of Pymunk's configurations, which theory gives."""
     for label, order in PYMUNK_ORDERS.items():
-        if found := _slopes(rows, position).get(label):
-            numbers = {"least": (min(found), ""), "most": (max(found), ""), "order": (order, "")}
-            text = f"{label} is of order {{order}} in slider position (observed {span(found)})."
-            yield Claim(f"order of {label}", text, numbers, {*map(round, found)} == {order})
+        slopes = orders(rows[rows["label"] == label], position)["slope"].dropna()
+        if len(slopes):
+            numbers = {"least": (slopes.min(), ""), "most": (slopes.max(), ""), "order": (order, "")}
+            text = f"{label} is of order {{order}} in slider position (observed {span(slopes)})."
+            yield Claim(f"order of {label}", text, numbers, bool((slopes.round() == order).all()))
 
 
 def _shown_errors(rows: pd.DataFrame) -> list[str]:
@@ -117,12 +113,13 @@ def _orders_by_configuration(rows: pd.DataFrame) -> Table:
     """Return the range of the observed orders over all scenes, by configuration and signal."""
     columns: dict[str, list[str]] = {"configuration": labels(finished(rows))}
     for column in _shown_errors(rows):
-        by_label, known = orders(rows, column), _slopes(rows, column)
+        known = orders(rows, column)
         columns[words(column)[0].replace(" error", "")] = cells = []
         for label in columns["configuration"]:
-            reasons = ", ".join(sorted({of.verdict for of in by_label[label].values()} - {"order"}))
-            some = f"{span(known[label], '.2f')}{reasons and f' (else {reasons})'}"
-            cells.append(some if known[label] else reasons or ABSENT)
+            own = known[known["label"] == label]
+            reasons = ", ".join(sorted({*own["verdict"]} - {"order"}))
+            some = f"{span(own['slope'], '.2f')}{reasons and f' (else {reasons})'}"
+            cells.append(some if own["slope"].notna().any() else reasons or ABSENT)
     title = "Observed orders of convergence, range over all scenes"
     return Table("accuracy-orders", title, RULE, "accuracy", pd.DataFrame(columns))
 

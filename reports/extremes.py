@@ -131,8 +131,7 @@ def _counts(answered: pd.DataFrame) -> Table:
     tally.insert(0, "cases", by_label.size())
     tally["as theory asks"] = by_label["as_wanted"].sum()
     table = tally.rename_axis("configuration").reset_index()
-    formats = dict.fromkeys(tally, "{:.0f}".format)
-    return Table("extremes-counts", "What came of the extreme cases?", "", "extremes", table, formats)
+    return Table("extremes-counts", "What came of the extreme cases?", "", "extremes", table)
 
 
 def verdicts(answered: pd.DataFrame, name: str, title: str, shown: bool = True) -> Table:

@@ -56,7 +56,7 @@ LOCATING, SAMPLES = 20, 120
 IDEAL = (
     *(arms.REFERENCE, arms.BAUMGARTE, arms.NO_STABILISATION, arms.REFERENCE_DOP853),
     *(arms.EXUDYN, arms.GENERALIZED_ALPHA, arms.GENERALIZED_ALPHA_09, arms.TUNED, arms.OUT_OF_THE_BOX),
-    *(arms.SCIPY, arms.SCIPY_DOP853, arms.LSODA, arms.ODEINT, arms.ODE, arms.RADAU),
+    *(arms.SCIPY, arms.SCIPY_DOP853, arms.LSODA, arms.RADAU),
 )
 LOOSE = (
     *(arms.LOCATED, arms.LOCATED_ALONE, arms.PLAIN, arms.PLAIN_RK4, arms.REFERENCE_DOP853),

@@ -99,7 +99,7 @@ IDEAL_ARMS = (
     arms.REFERENCE_DOP853,
     arms.TUNED,
     arms.OUT_OF_THE_BOX,
-    arms.ODE,
+    arms.SCIPY_DOP853,
     arms.TRAPEZOIDAL,
     arms.GENERALIZED_ALPHA,
 )

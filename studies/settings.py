@@ -66,8 +66,8 @@ IDEAL: Series = {
     arms.GENERALIZED_ALPHA: ((1, 4, 7), range(8)),
     arms.TUNED: ((0, 2, 4, 6), range(7)),
     arms.OUT_OF_THE_BOX: ((), range(7)),
-    arms.ODE: ((5, 7, 9), range(5, 14)),
-    arms.ODEINT: ((), range(5, 14)),
+    arms.SCIPY_DOP853: ((5, 7, 9), range(5, 14)),
+    arms.LSODA: ((), range(5, 14)),
     arms.RADAU: ((), range(5, 12)),
 }
 COMPLIANT: Series = {

@@ -27,7 +27,10 @@ OF_MINIMAL = (
     "engine_models.kernels.",
     "engine_models.mechanics.impacts.",
     "engine_models.mechanics.states.",
+    "engine_models.memory.",
     "engine_models.minimal.",
+    "engine_models.pace.",
+    "engine_models.progress.",
     "reference_solver.mechanism.data.",
 )
 FILES = [
@@ -35,7 +38,7 @@ FILES = [
 ]
 TESTS = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("*.py"))
 MOST_ENTRIES = 28
-ENGINE_ROOMS = tuple(f"engine_models/{room}/" for room in ("reference", "exudyn", "pymunk", "scipy_ivp"))
+ENGINE_ROOMS = tuple(f"engine_models/{room}/" for room in ("reference", "exudyn", "pymunk"))
 
 
 def file_of(name: str) -> str:

@@ -472,6 +472,8 @@ def rates(p: FloatArray, t: float, y: FloatArray, out: FloatArray) -> None:
     for i in range(m):
         a[order[i]] = gamma[i]
     driver = forces(p, t, q, v, F, told[2 * size + most :], sums)
+    for k in range(len(block(p, CONTACTS))):
+        sums[OF_SUMS * k + 2] = 0.0  # what clipping loses has a kink where the contact ends, and is known
     M, x, swaps_z = np.zeros((n, n)), np.zeros(n), np.empty(n, np.int64)
     for r in range(size):
         mass = bodies[r // 3, 1 if r % 3 == 2 else 0]

@@ -36,7 +36,10 @@ def settle(model: Model, t: float, y: FloatArray, k: int) -> tuple[FloatArray, t
     height = LOWEST * np.spacing(model.lever_m)
     short = 2 * leaving < SHORTEST_FLIGHT_S * pushed or leaving * abs(leaving) < 2 * height * pushed
     if e == 0.0 or short:
-        raise AdapterCannot(f"joint {name} follows its rigid wall from t = {t:.6g} s on")
+        raise AdapterCannot(
+            f"bounces accumulate at t = {t:.6g} s: pin {name} follows its rigid wall from there on, and the "
+            f"model in minimal coordinates has none that does (clearance.{name}.law = 'rigid')"
+        )
     first = 2 * model.size + eq.OF_SUMS * k
     after[first : first + 2] += impulse, lost
     return after, (speed, impulse, lost)

@@ -5,13 +5,14 @@ It is looked for in every step, on the solver's interpolant.
 """
 
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from scipy.integrate import DOP853, LSODA, RK45, Radau
+from scipy.integrate import DOP853, LSODA, Radau
 from scipy.optimize import brentq
 
 from engine_models.engine import (
@@ -29,9 +30,11 @@ from engine_models.minimal import equations as eq
 from engine_models.minimal.equations import CLIPPED, FLIGHT, PUSHED
 from engine_models.minimal.model import STEEP, Model, Numbers
 from engine_models.minimal.rigid import settle
+from engine_models.pace import Pace
+from engine_models.progress import tell
 from engine_models.scene.scene import Scene
 
-METHODS = {"DOP853": DOP853, "RK45": RK45, "LSODA": LSODA, "Radau": Radau}
+METHODS = {"DOP853": DOP853, "LSODA": LSODA, "Radau": Radau}
 #: Absolute tolerance of sums, which takes them out of the error control.
 UNCONTROLLED = 1e30
 #: Signals that have just been answered are zero to round-off: they count above this, in m or as a share.
@@ -43,6 +46,10 @@ GROWN = 1.5
 FALLEN, SINGULAR = 0.2, 1e-4
 #: Kinds of events: of a contact, and where a table by an angle or a speed goes from a piece to the next.
 TOUCH, SIGN, KINK = range(3)
+#: Evaluations after which a run tells how far it has come, and after which its pace is judged.
+PAUSE, OUTLASTING = 10_000, 300_000
+#: The part of a step behind which the rate of a gap is looked at first.
+ASIDE = 1e-6
 #: Most corrections of a located event, and the part of the step that slopes are taken over.
 CORRECTIONS, DIFFERENCE = 3, 1e-3
 
@@ -52,7 +59,8 @@ class Choice:
     """How a scene is solved: the class, its tolerances, and the most evaluations.
 
     ``atol`` is by number of a state; those behind its end are not controlled. A ``sharp`` run ends its
-    steps at events, where others take the interpolant's state.
+    steps at events, where others take the interpolant's state. Of a ``bare`` one nobody asks for the largest
+    forces and depths of contacts.
     """
 
     method: str
@@ -61,6 +69,7 @@ class Choice:
     longest_step_s: float = np.inf
     max_evaluations: int = 5_000_000
     sharp: bool = False
+    bare: bool = False
 
 
 class Event(NamedTuple):
@@ -87,7 +96,7 @@ class Run:
     def __init__(self, model: Model, times_s: FloatArray, choice: Choice) -> None:
         self.scene, self.model, self.times_s, self.choice = model.scene, model, times_s, choice
         self.t: float = 0.0
-        self.y: FloatArray = model.start
+        self.y: FloatArray = model.start.copy()
         self.states, self.told, self.steps, self.evaluations = list[FloatArray](), list[FloatArray](), 0, 0
         self.impacts: list[list[list[float]]] = [[] for _ in model.phases]
         self._touches = dict[int, Touch]()
@@ -97,6 +106,7 @@ class Run:
         self._first_step_s: float | None = None
         self._limit_s, self._steep, self._largest = np.inf, STEEP, 0.0
         self._pieces = [kink.piece(self.y) for kink in model.kinks]
+        self._pause, self._pace = 0, Pace(model.scene, OUTLASTING)
 
     def run(self) -> None:
         """Go through all times.
@@ -113,13 +123,18 @@ class Run:
             stops = np.union1d(stops, self.times_s)
         for stop in [*stops[(stops > 0) & (stops < end)].tolist(), end]:
             while self.t < stop:
-                self._segment(stop)
+                try:
+                    self._segment(stop)
+                except (Warning, ValueError) as trouble:  # LSODA's, and Radau's of a Jacobian with NaN
+                    raise self._failure(str(trouble)) from trouble
 
     def _segment(self, stop: float) -> None:
         """Go on to a stop, or to what ends the segment before: an event, or a choice of coordinates."""
         model, limit = self.model, min(self._limit_s, self.choice.longest_step_s)
         first = None if self._first_step_s is None else min(self._first_step_s, stop - self.t, limit)
         tolerances = {"rtol": self.choice.rtol, "atol": self._atol}
+        if not np.isfinite(model(self.t, self.y)).all():  # no first step would be short enough
+            raise SimulationFailed(f"non-finite accelerations at t = {self.t:.6g} s")
         solver = METHODS[self.choice.method](
             model, self.t, self.y, stop, max_step=limit, first_step=first, **tolerances
         )
@@ -127,9 +142,13 @@ class Run:
         model(self.t, self.y)
         while solver.status == "running":
             t, y, before, determinant = self.t, self.y, model.contacts_told.copy(), model.told[-2]
-            message, spent = solver.step(), solver.nfev
-            if solver.status == "failed" or self.evaluations + spent > self.choice.max_evaluations:
+            message, spent = solver.step(), self.evaluations + solver.nfev
+            if solver.status == "failed" or spent > self.choice.max_evaluations:
                 raise self._failure(message)
+            if spent > self._pause:
+                tell(t)
+                self._pace.judge(t, spent)
+                self._pause = spent + PAUSE
             self.steps += 1
             model(solver.t, solver.y)
             event = self._first_event(solver, t, before)
@@ -155,7 +174,8 @@ class Run:
             return self.model.singular(self.t)
         if message is None:
             reached = f"evaluations came no further than t = {self.t:.6g} s"
-            return SimulationFailed(f"{self.choice.max_evaluations} {reached}")
+            advice = "take a longer step, loosen rtol and atol, or raise max_evaluations"
+            return SimulationFailed(f"{self.choice.max_evaluations} {reached}: {advice}")
         return EngineFailed(f"{self.choice.method} stopped at t = {self.t:.6g} s: {message.rstrip('.')}")
 
     def _must_choose(self, before: float, step_s: float) -> bool:
@@ -207,8 +227,9 @@ class Run:
                 level, end = self._levels.get((k, kind), 0.0), solver.t
                 past = self._signal(now, k, kind) > level
                 rate, rate_now = (told[k, eq.RATE] * (1 if flies else -1) for told in (before, now))
-                if not past and kind == TOUCH and rate > 0.0 > rate_now:
-                    end = self._root(solver, partial(_rate, k), t, end)
+                if not past and kind == TOUCH and rate >= 0.0 > rate_now:
+                    begin = t + ASIDE * (end - t)  # a pin at the centre of its bearing has a rate of zero
+                    end = self._root(solver, partial(_rate, k), begin, end)
                     past = self._signal(self._told(solver.dense_output(), end), k, kind) > level
                 if past:
                     at = self._root(solver, partial(self._above, level, k, kind), t, end)
@@ -287,7 +308,7 @@ class Run:
         """Record the samples between the begin of the last step and the time reached, and trace contacts."""
         due = self.times_s[len(self.states) :]
         due = due[due <= self.t]
-        traced = self._touches and not self.choice.sharp
+        traced = self._touches and not (self.choice.sharp or self.choice.bare)
         course = solver.dense_output() if len(due) or traced else None
         for t in due.tolist():
             assert course is not None
@@ -297,6 +318,8 @@ class Run:
             for t in along_steps(np.zeros(0), begin, self.t).tolist():
                 told = self._told(course, t)
                 for k, touch in self._touches.items():
+                    if touch.trace and t <= touch.trace[-1][0]:
+                        continue
                     touch.trace.append((t, told[k, eq.NORMAL], self._depth(told, k)))
 
     def _depth(self, told: FloatArray, k: int) -> float:
@@ -305,7 +328,10 @@ class Run:
 
     def _sample(self, y: FloatArray) -> None:
         self.model(float(self.times_s[len(self.states)]), y)
-        self.states.append(y.copy())
+        state = y.copy()
+        for k in np.flatnonzero(self.model.phases[:, 0] == CLIPPED).tolist():
+            self._clip(state, k, -1.0)
+        self.states.append(state)
         self.told.append(self.model.told.copy())
 
     def _answer(self, event: Event | None) -> None:
@@ -322,6 +348,7 @@ class Run:
                     self.y, impact = settle(model, self.t, self.y, k)
                     self.impacts[k].append([self.t, 0.0, *impact, *[np.nan] * 4])
                 elif kind == SIGN:
+                    self._clip(self.y, k, 1.0 if phase == PUSHED else -1.0)
                     model.phases[k, 0] = CLIPPED if phase == PUSHED else PUSHED
                 elif phase == FLIGHT:
                     self._touch(k)
@@ -334,6 +361,12 @@ class Run:
                 self._largest = 0.0
                 break
 
+    def _clip(self, y: FloatArray, k: int, sign: float) -> None:
+        """Add what a contact stores to what clipping loses: all of it, from then on less what is left."""
+        wall, depth = self.model.contacts[k], max(self._depth(self.model.contacts_told, k), 0.0)
+        stored = wall[eq.K] * depth ** (wall[eq.N] + 1) / (wall[eq.N] + 1)
+        y[2 * self.model.size + eq.OF_SUMS * k + 2] += sign * stored * (wall[eq.PULLS] == 0.0)
+
     def _sums(self, k: int) -> FloatArray:
         first = 2 * self.model.size + eq.OF_SUMS * k
         return np.array(self.y[first : first + eq.OF_SUMS])
@@ -343,6 +376,10 @@ class Run:
         speed = float(told[eq.RATE] * wall[eq.C] / (wall[eq.C] + self._depth(self.model.contacts_told, k)))
         model.phases[k] = PUSHED, wall[eq.A] / max(speed, wall[eq.SLOWEST]), 0.0
         self._touches[k] = Touch(self.t, speed, self._sums(k))
+        model(self.t, self.y)
+        if len(self._kinds(k)) > 1 and model.contacts_told[k, eq.SHARE] < 0.0:  # begun on its way out
+            self._clip(self.y, k, 1.0)
+            model.phases[k, 0] = CLIPPED
 
     def _release(self, k: int) -> None:
         self.model.phases[k] = 0.0
@@ -367,7 +404,8 @@ def solve(scene: Scene, settings: RunSettings, choice: Callable[[Model], Choice]
     model, times = Model(scene), settings.times_s(scene)
     run = Run(model, times, choice(model))
     began = time.perf_counter()
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("error")
         run.run()
     trajectory = trajectory_of(run, time.perf_counter() - began)
     trajectory.position[..., 2] += model.turns_rad

@@ -76,6 +76,7 @@ UNIT = r"(?:1/)?[A-Za-zµμ°][\w°²³·*/^(). -]{0,29}"
 QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER.pattern})\s*(?P<unit>{UNIT})")
 
 
+@cache
 def unit_of(name: str) -> str | None:
     """Return the unit in which a field of this name has its numbers, None if it has none."""
     ends = [end for end in UNITS if f"_{name}".endswith(f"_{end}")]

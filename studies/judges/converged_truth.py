@@ -28,8 +28,8 @@ from engine_models.mechanics.impacts import BESIDE, POINTS, instants_in, with_la
 from engine_models.mechanics.quality import require_quality
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import observed_m
+from engine_models.minimal.engine import SharpSolver
 from engine_models.minimal.model import LimitPosition
-from engine_models.minimal.sharp import SharpSolver
 from engine_models.reference.engine import SHARPEST, ReferenceEngine
 from engine_models.scene.scene import Scene
 from studies.judges.horizon import PERTURBATION_RAD, a_place_off, moved

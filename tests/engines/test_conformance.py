@@ -46,10 +46,7 @@ METHODS = {
     ("exudyn solver=DOPRI5", "bead"): None,
     ("pymunk iterations=30", "everything"): 2,
     ("scipy method=LSODA", "everything"): None,
-    ("scipy method=RK45", "everything"): None,
     ("scipy method=Radau", "everything"): None,
-    ("scipy method=odeint", "everything"): None,
-    ("scipy method=dop853", "everything"): None,
 }
 #: Each engine by methods that a tolerance decides, on a scene that it runs by them.
 CONTROLLED = {
@@ -57,8 +54,7 @@ CONTROLLED = {
     "reference method=dopri5 step_tolerance=1e-6": "everything",
     "exudyn solver=DOPRI5 step_tolerance=1e-6": "bead",
     "scipy rtol=1e-6 atol=1e-8": "everything",
-    **{f"scipy method={method} rtol=1e-6 atol=1e-8": "free" for method in ("RK45", "LSODA", "Radau")},
-    **{f"scipy method={method} rtol=1e-6 atol=1e-8": "free" for method in ("odeint", "dop853")},
+    **{f"scipy method={method} rtol=1e-6 atol=1e-8": "free" for method in ("LSODA", "Radau")},
 }
 #: What is not an engine's, and in which words.
 REFUSED = {
@@ -66,7 +62,7 @@ REFUSED = {
     ("exudyn", "walls"): "exudyn has no rigid contact",
     ("pymunk", "bead"): "Chipmunk's groove",
     ("pymunk", "yoke"): "Chipmunk's groove",
-    ("scipy", "walls"): "bounces accumulate at t = 0.001458",
+    ("scipy", "walls"): "no friction on a rigid wall",
 }
 #: Pymunk's dry friction acts at any speed, however low: its losses are other ones.
 OWN_LAW = {("pymunk", "walls"): ("work B normal_loss_J", "work B friction_loss_J")}

@@ -11,11 +11,11 @@ from engine_models.convergence.step_halving import FEWEST_SAMPLES, simulate_to_t
 from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.engines import ENGINES, make_engine
 from engine_models.mechanics.states import observed
+from engine_models.minimal import run as minimal_runs
 from engine_models.progress import told_to
 from engine_models.reference import run as reference_runs
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from engine_models.scipy_ivp import calls as scipy_calls
 from tests.engines.mechanism_texts import TEXTS
 from tests.engines.mechanism_texts import scene as mechanism
 from tests.engines.runs import engine as made
@@ -67,7 +67,7 @@ def rubbing(speed_m_s: float) -> dict[str, object]:
 def test_a_run_whose_steps_collapse_says_which_field_forces_it(
     engine: str, name: str, changes: dict[str, object], field: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scipy_calls, "OUTLASTING", 5_000)
+    monkeypatch.setattr(minimal_runs, "OUTLASTING", 5_000)
     monkeypatch.setattr(reference_runs, "LOOK_UP_STEPS", 20_000)
     of = SCENES[f"{name}-driven-0.1mm"]().replace({f"clearance.B.{key}": changes[key] for key in changes})
     with pytest.raises(SimulationFailed, match=rf"^clearance\.B\.{field}: expected"):

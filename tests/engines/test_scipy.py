@@ -1,25 +1,31 @@
-"""What only SciPy's integrators have: their tolerances, located events, rebounds, loops compiled or not."""
+"""What only SciPy's integrators have: their tolerances, located events, rebounds, and how they fail."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
-from engine_models.engine import AdapterCannot, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
+from engine_models.engine import (
+    AdapterCannot,
+    RunSettings,
+    SimulationFailed,
+    Trajectory,
+    UnsupportedScene,
+)
 from engine_models.mechanics.assembly import start_state, started_from
-from engine_models.mechanics.energy import energy_balance_residual_J
-from engine_models.mechanics.joints import SLIDER
+from engine_models.minimal.engine import ScipyEngine
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.scene import Scene
-from engine_models.scipy_ivp.engine import ScipyEngine
-from tests.engines.runs import impact_numbers
 
-SAMPLES = 20
+SAMPLES, SLIDER = 20, 2
 FREE = SCENES["ideal-free"]()
 LOOSE = SCENES["clearance-free-0.5mm"]().replace("end_time_s", 0.016)
 DRIVEN = SCENES["clearance-driven-0.5mm"]().replace("end_time_s", 0.003)
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-13, lowest_flight=2.0)
+METHODS = ("DOP853", "LSODA", "Radau")
+#: Those whose interpolants are good enough to tell a touch to a nanosecond.
+SHARP_METHODS = ("DOP853", "LSODA")
 
 
 def run(
@@ -39,23 +45,12 @@ def off(one: Trajectory, other: Trajectory) -> float:
 
 # Tolerances and steps.
 
-METHODS = ("DOP853", "RK45", "LSODA", "Radau", "odeint", "dop853")
-EVENT_METHODS = ("DOP853", "RK45", "LSODA")
 
-
-def test_with_clearance_it_does_too_unless_the_force_only_switches() -> None:
+def test_with_clearance_errors_fall_as_the_tolerance() -> None:
     rtols, true = (1e-6, 1e-7, 1e-8, 1e-9), sharp(LOOSE)
     found = [off(run(LOOSE, rtol=rtol), true) for rtol in rtols]
     power = np.polyfit(np.log(rtols), np.log(found), 1)[0]
     assert 0.75 < power < 1.5, f"{found} fall as rtol^{power:.2f}"
-    for method in ("DOP853", "LSODA"):
-        located, plain = (run(DRIVEN, method, 1e-10, locate_events=way) for way in (True, False))
-        assert off(plain, sharp(DRIVEN)) > 30 * off(located, sharp(DRIVEN))
-        # Not for want of energy: the ledger of the force that did act closes.
-        assert np.abs(energy_balance_residual_J(DRIVEN, plain)).max() < 1e-5
-    own = impact_numbers(run(LOOSE, locate_events=False))
-    for key, value in impact_numbers(true).items():
-        np.testing.assert_allclose(own[key], value, rtol=1e-2, err_msg=key)
 
 
 def test_steps_are_no_longer_than_asked() -> None:
@@ -68,7 +63,7 @@ def test_steps_are_no_longer_than_asked() -> None:
 # Contacts.
 
 
-@pytest.mark.parametrize("method", EVENT_METHODS)
+@pytest.mark.parametrize("method", SHARP_METHODS)
 def test_a_touch_within_a_long_step_is_not_missed(method: str) -> None:
     """Flight is a parabola, which steps of any length follow: the pin is beyond the wall for 0.3 ms of 15."""
     pendulum, c = SCENES["clearance-pendulum"](), 5e-4
@@ -136,39 +131,37 @@ def test_a_pin_that_comes_to_rest_ends_the_run_in_words_that_blame_no_engine(
 # What is refused, and what fails.
 
 
-@pytest.mark.parametrize(
-    ("of", "settings", "reason"),
-    [
-        (rigid("free-0.5mm", restitution=0.0), {}, r"no pin that follows .*clearance\.B\.restitution = 0"),
-        (rigid("free-0.5mm"), {"locate_events": False}, r"locate_events = true \(law = 'rigid' at B\)"),
-        (LOOSE, {"method": "odeint"}, "odeint has no events.*DOP853 or LSODA"),
-        (LOOSE, {"method": "dop853"}, "dop853 has no events.*DOP853 or LSODA"),
-    ],
-)
-def test_what_a_method_cannot_locate_is_refused(of: Scene, settings: dict[str, Any], reason: str) -> None:
-    with pytest.raises(UnsupportedScene, match=reason):
-        ScipyEngine(**settings).check(of)
+def test_what_the_model_has_not_is_refused() -> None:
+    rubbing = {"law": "tanh", "coefficient": 0.2, "regularisation_speed_m_s": 1e-3}
+    for wall, reason in (
+        ({"restitution": 0.0}, r"no pin that follows .*clearance\.B\.restitution = 0"),
+        ({"friction": rubbing}, r"no friction on a rigid wall .*clearance\.B\.friction"),
+    ):
+        with pytest.raises(UnsupportedScene, match=reason):
+            ScipyEngine().check(rigid("free-0.5mm", **wall))
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_run_that_takes_too_many_evaluations_fails_in_silence(
     method: Any, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    words = "500 evaluations came no further than t = 0.0"
-    if method in ("odeint", "dop853"):
-        words = f"{method} stopped"
-    engine = ScipyEngine(method=method, max_evaluations=20 if method.islower() else 500)
+    engine = ScipyEngine(method=method, max_evaluations=500)
     for simulate in (engine.simulate, engine.bare_run):
-        with pytest.raises(SimulationFailed, match=words):
+        with pytest.raises(SimulationFailed, match=r"500 evaluations came no further than t = 0\.0"):
             simulate(FREE, RunSettings(1.0, 2))
-    if method in EVENT_METHODS:
-        limited = ScipyEngine(method=method, max_evaluations=20_000)
-        with pytest.raises(SimulationFailed, match=r"t = 0\.000227"):
-            limited.simulate(stiff(1e300), RunSettings(1e-4, SAMPLES))
+    limited = ScipyEngine(method=method, max_evaluations=20_000)
+    with pytest.raises(SimulationFailed, match=r"t = 0\.000227"):
+        limited.simulate(stiff(1e300), RunSettings(1e-4, SAMPLES))
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("method", ["DOP853", "RK45", "LSODA", "Radau"])
+def test_radau_says_when_a_jacobian_of_its_own_is_not_finite() -> None:
+    """Its differences reach so far beyond a wall that a force overflows."""
+    with pytest.raises(SimulationFailed, match=r"Radau stopped at t = \S+ s: "):
+        run(SCENES["clearance-driven-0.5mm"](), "Radau", 1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_a_start_in_a_dead_centre_fails_with_the_reason(method: str) -> None:
     """Equal links folded on each other, the slider above the crank's pivot: [B] has lost a rank.
 
@@ -176,5 +169,5 @@ def test_a_start_in_a_dead_centre_fails_with_the_reason(method: str) -> None:
     """
     start = {"crank_angle_rad": np.pi / 2 - 3e-8, "crank_speed_rad_s": 0.0}
     dead = FREE.model_copy(update={"rod": FREE.short.crank, "start": start})
-    with pytest.raises(SimulationFailed, match=f"{method} stopped at t = 0 s: the joints' rows have rank"):
+    with pytest.raises(SimulationFailed, match=r"cannot go on at t = 0 s: its loops are singular"):
         run(dead, method, 1e-3, 1e-4)

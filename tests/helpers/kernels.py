@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.mechanics.equations import mechanism_of
+from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.start import assembled
 from reference_solver.equations import Baumgarte
@@ -37,7 +37,7 @@ def scene_case(name: str) -> Start:
     )
     driven = mechanism_of(
         scene.model_copy(
-            update={"start": scene.start.model_copy(update={"crank_speed_rad_s": float(v[0, 2])})}
+            update={"start": scene.short.start.model_copy(update={"crank_speed_rad_s": float(v[0, 2])})}
         )
     )
     return driven, q.ravel(), v.ravel(), 1e-4

@@ -124,10 +124,9 @@ def test_every_figure_and_table_has_a_number_a_command_and_the_file_of_its_data(
 
 
 def test_tables_as_files_have_numbers(report: Path) -> None:
-    energy = pd.read_csv(report / "tables/energy-dissipation.csv")
-    assert list(energy.dtypes[1:].astype(str).unique()) == ["float64"]
-    errors = pd.read_csv(report / "tables/accuracy-errors.csv")
-    assert list(errors.dtypes[1:].astype(str).unique()) == ["float64"]
+    for name in ("energy-dissipation", "accuracy-errors"):
+        columns = pd.read_csv(report / f"tables/{name}.csv").dtypes[1:]
+        assert {*columns.astype(str)} == {"float64"}, name
 
 
 def test_text_from_results_is_escaped_and_the_page_says_what_made_its_rows(
@@ -243,7 +242,6 @@ def test_a_cell_shows_a_number_with_what_belongs_to_it() -> None:
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
     [
-        (1.26e-10, "m", "130 pm"),
         (1.24e-6, "m", "1.2 µm"),
         (9.96e-4, "s", "1 ms"),
         (-2.5e4, "N", "-25 kN"),
@@ -262,11 +260,9 @@ def test_a_number_in_a_sentence_has_two_digits_and_a_prefix(value: float, unit: 
 @pytest.mark.parametrize(
     ("column", "text"),
     [
-        ("slider_velocity_error_m_s", "slider velocity error [m/s]"),
         ("driver_torque_error_N_m", "driver torque error [N·m]"),
         ("iterations", "iterations"),
         ("peak_force_error_percent", "peak force error [%]"),
-        ("impact_force_error_N", "peak force error [N]"),
         ("impact_force_in_phase_error_N", "impact force at equal phase error [N]"),
         ("observed_B_x_m", "B x [m]"),
         ("rocker_angular_acceleration_rad_s2", "rocker angular acceleration [rad/s²]"),

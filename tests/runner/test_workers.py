@@ -123,7 +123,7 @@ def test_no_process_takes_a_file_in_the_users_folder_for_a_module_of_pythons(tmp
         if find_spec(name):
             code = "import sys; open('executed', 'a').write(__name__); sys.exit(__name__)\n"
             (tmp_path / f"{name}.py").write_text(code)
-    mine = "from engine_models.scipy_ivp.engine import ScipyEngine as Mine\n"
+    mine = "from engine_models.minimal.engine import ScipyEngine as Mine\n"
     (tmp_path / "my_module.py").write_text(mine)
     script = str(Path(sys.executable).with_name("crankslider"))
     command = [script, "run", "accuracy", "--engine", "my_module:Mine", "--jobs", "2", "--out", "results"]

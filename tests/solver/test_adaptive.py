@@ -14,7 +14,7 @@ from scipy.special import ellipk
 from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.engines import make_engine
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations import mechanism_of
+from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES
 from reference_solver.kernel import Kernel, Topology
 from reference_solver.loop import Step, estimated
@@ -229,8 +229,8 @@ def test_a_step_whose_error_overflows_is_no_step_without_error() -> None:
     called = ctypes.CFUNCTYPE(ctypes.c_double, number, number, ctypes.c_double, number, number)(rates)
     state["rates"] = ctypes.cast(called, ctypes.c_void_p).value
     step = Step(0.0, 0.0, 0.0, 1.0, 1.0)
-    error = njit(lambda state, rows: estimated(state[0], rows, step), error_model="numpy")
-    assert error(run.state, run.rows) == np.inf
+    error = njit(lambda state, rows, method: estimated(state[0], rows, method, step), error_model="numpy")
+    assert error(run.state, run.rows, run.method) == np.inf
 
 
 # Crank-sliders

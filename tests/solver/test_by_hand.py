@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from engine_models.scipy_ivp.rebounds import Rebounds
 from reference_solver.contact.force import contact_force
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.contact_laws import (
@@ -28,6 +27,7 @@ from reference_solver.methods import RK4, Method, dop853, dopri5
 from reference_solver.run import CONTACT
 from reference_solver.solver import LOWEST_FLIGHT
 from reference_solver.tape import power
+from tests.solver.rebounds import Rebounds
 
 #: Mass, inertia, distance of the pin from the centre of mass, and gravity.
 M, I, D, G = 2.0, 3.0, 0.5, 9.81  # noqa: E741  the letters of mechanics

@@ -16,8 +16,8 @@ import pytest
 
 from engine_models.engine import FloatArray
 from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
-from engine_models.mechanics.equations import mechanism_of
 from engine_models.mechanics.loads import slider_forces
+from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankLoad

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine_models.scipy_ivp.rebounds import Rebounds
 from reference_solver.contact.walls import separation
 from reference_solver.equations import Equations
 from reference_solver.failures import BlockedImpact
@@ -19,6 +18,7 @@ from reference_solver.run import Impact
 from reference_solver.solver import LOWEST_FLIGHT, solve
 from tests.helpers.kernels import straight_guide
 from tests.helpers.mechanism_energy import energy_residual_J
+from tests.solver.rebounds import Rebounds
 
 FloatArray = NDArray[np.float64]
 #: A product of a few numbers, of a system of a few equations.

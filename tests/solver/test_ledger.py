@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
+from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from reference_solver import methods

@@ -71,7 +71,7 @@ def test_a_spring_pulls_from_its_free_position() -> None:
 
 def test_a_ramp_takes_its_time_and_is_half_way_in_the_middle() -> None:
     drive = RampDrive(kind="ramp", final_speed_rad_s=110.0, ramp_time_s=0.02)
-    start = ideal_driven().start.model_copy(update={"crank_speed_rad_s": 10.0})
+    start = ideal_driven().short.start.model_copy(update={"crank_speed_rad_s": 10.0})
     motion = crank_motion(ideal_driven().model_copy(update={"drive": drive, "start": start}))
     assert motion is not None
     assert motion.speed_rad_s(np.array([0.0, 0.01, 0.02, 1.0])).tolist() == pytest.approx([10, 60, 110, 110])

@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
 from engine_models.engines import make_engine
-from engine_models.mechanics.equations import mechanism_of
 from engine_models.reference.engine import ReferenceEngine
+from engine_models.reference.solution import mechanism_of
 from engine_models.scene.format import CrankGas, Drive, FluctuatingDrive, FreeDrive, RampDrive, TableDrive
 from engine_models.scene.library import ideal_compressor, ideal_driven
 from engine_models.scene.scene import Scene

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.equations import mechanism_of
+from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver import guard
 from reference_solver.energy import ledger_J

@@ -5,8 +5,8 @@ import pytest
 
 from engine_models.engine import RunSettings
 from engine_models.mechanics.impacts import instants_in
+from engine_models.minimal.engine import SharpSolver
 from engine_models.minimal.forces import Forces
-from engine_models.minimal.sharp import SharpSolver
 from engine_models.scene.library import ALL_SCENES
 
 SCENES = ("ideal-compressor", "clearance-driven-damped", "scotch-yoke", "andrews-squeezer", "quick-return")

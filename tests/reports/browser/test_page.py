@@ -65,12 +65,6 @@ def test_letters_on_a_figure_are_legible_on_a_phone(page: Page) -> None:
             assert min(sizes) * box["width"] / float(wide) >= 8, f"pixels, {svg.name}"
 
 
-def test_every_picture_is_there(page: Page) -> None:
-    unfold(page)
-    broken = "[...document.querySelectorAll('img')].filter(each => !each.naturalWidth).length"
-    assert page.evaluate(broken) == 0
-
-
 def test_dark_is_dark_and_figures_stay_on_paper(page: Page) -> None:
     page.emulate_media(color_scheme="dark")
     colour = "getComputedStyle(document.querySelector('{}')).backgroundColor"
@@ -89,11 +83,7 @@ def test_the_first_screen_has_the_recommendations_and_the_second_the_comparison(
     for table, most in (("answer", 700), ("compared-ideal-joints", 1100), ("compared-clearance", 1500)):
         what = f"document.querySelector('#table-{table}').getBoundingClientRect().bottom"
         assert page.evaluate(what) < most, table
-
-
-def test_the_page_is_as_long_as_a_reader_has_time_for(page: Page) -> None:
-    high = page.evaluate("document.documentElement.scrollHeight")
-    assert high < MOST_SCREENS * 900
+    assert page.evaluate("document.documentElement.scrollHeight") < MOST_SCREENS * 900
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

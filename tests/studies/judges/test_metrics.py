@@ -7,7 +7,7 @@ import pytest
 
 from engine_models.engine import Trajectory
 from engine_models.mechanics.samples import selected
-from engine_models.minimal.sharp import SharpSolver
+from engine_models.minimal.engine import SharpSolver
 from engine_models.reference.engine import SHARPEST, ReferenceEngine
 from engine_models.scene.library import ideal_driven, ideal_free
 from engine_models.scene.scene import Scene

@@ -40,7 +40,7 @@ def truth_of(scene: Scene, samples: int = SAMPLES) -> Trajectory:
 
 def driven(drive: Drive, scene: Scene | None = None, **start: float) -> Scene:
     of = (scene or ideal_driven()).model_copy(update={"drive": drive})
-    return of.model_copy(update={"start": of.start.model_copy(update=start)})
+    return of.model_copy(update={"start": of.short.start.model_copy(update=start)})
 
 
 def table(end_time_s: float) -> TableDrive:

@@ -1,1 +1,0 @@
-"""The reference's equations in the hands of SciPy's ``solve_ivp``."""
