@@ -6,15 +6,18 @@ import sys
 import numpy as np
 
 from engine_models.engine import SimulationFailed
-from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.contact_law import exponent_of, stiffness_of
+from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import lever_m
+from engine_models.scene.format import FluctuatingDrive, RampDrive
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.contact_laws import exponent_of, stiffness_of
 
 #: A run that needs more steps than this would take hours or more.
 MOST_STEPS = 1e10
 #: Steps that engines may take in the shortest time of a scene, and more.
 RESOLVED = 1e6
+#: Steps of a ramp, or of a period of a fluctuation, below which what an engine says of it is nonsense.
+FEWEST_STEPS = 4
 
 
 class Pace:
@@ -95,3 +98,25 @@ def _start_speeds(scene: Scene) -> tuple[list[float], float]:
         return told, scene.short.start.crank_speed_rad_s
     _, velocity = start_state(scene)
     return np.hypot(velocity[:, 0], velocity[:, 1]).tolist(), float(np.abs(velocity[:, 2]).max())
+
+
+def quickest_s(scene: Scene) -> float:
+    """Return how long a ramp or a period of a fluctuation takes in s, infinite without one."""
+    drive = scene.drive
+    if isinstance(drive, RampDrive):
+        return drive.ramp_time_s
+    return 1.0 / drive.frequency_Hz if isinstance(drive, FluctuatingDrive) else math.inf
+
+
+def require_followed(scene: Scene, step_s: float) -> None:
+    """Refuse a run whose steps of one length are too long for what the driver does.
+
+    Raises:
+        SimulationFailed: a ramp, or a period of a fluctuation, has fewer than ``FEWEST_STEPS`` of them.
+    """
+    if quickest_s(scene) < FEWEST_STEPS * step_s:
+        field = "ramp_time_s" if scene.drive.kind == "ramp" else "frequency_Hz"
+        raise SimulationFailed(
+            f"drive.{field}: expected at least {FEWEST_STEPS} steps in {quickest_s(scene):.3g} s, "
+            f"got steps of {step_s:.3g} s: shorten the step"
+        )

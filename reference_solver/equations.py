@@ -16,9 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.checks import require_not_negative
-from reference_solver.contact.force import contact_force, elastic_force, rates_of
-from reference_solver.contact.wall_friction import Rubbing, rubbed
-from reference_solver.contact.walls import sliding_row, wall_link
+from reference_solver.contact_forces import contact_force, elastic_force, rates_of, sliding_row, wall_link
 from reference_solver.factorisation import Factors
 from reference_solver.failures import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
 from reference_solver.mechanism.constraints import System, row_slices, system_of
@@ -28,6 +26,7 @@ from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
 from reference_solver.run import FLIGHT
 from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, smaller, sqrt
+from reference_solver.wall_friction import Rubbing, rubbed
 
 #: Phase and memory of every contact, (K, 2); None where all are in flight.
 Phases = Array | None

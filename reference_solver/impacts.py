@@ -41,8 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver import failures
-from reference_solver.contact.wall_friction import LEAST_MOBILITY
-from reference_solver.contact.walls import separation
+from reference_solver.contact_forces import separation
 from reference_solver.equations import Answer, Equations
 from reference_solver.mechanism.contact_laws import FRICTION_LAWS, RigidWall
 from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
@@ -50,6 +49,7 @@ from reference_solver.mechanism.points import State
 from reference_solver.run import CONTACT, DEPENDENT, FLIGHT, FLIGHT_HEIGHT, OLD, WALL_FIELDS, Impact, Run
 from reference_solver.solution import ModeChange
 from reference_solver.tape import Array, FloatArray, Scalar, array
+from reference_solver.wall_friction import LEAST_MOBILITY
 
 Chosen = NDArray[np.bool_]
 

@@ -16,7 +16,7 @@ from itertools import count
 
 import numpy as np
 
-from reference_solver.contact.force import gap
+from reference_solver.contact_forces import gap
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.impacts import rigid_joints, walls_at
 from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, known_numbers

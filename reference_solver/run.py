@@ -136,7 +136,7 @@ class Impact(NamedTuple):
     ``kind``: a "contact" with a compliant wall; an "impact" with a rigid one's restitution; a "closing"
     without rebound, after which the pin follows it; a "support", passed on by a pin that followed its wall
     when another hit. The approach speed and the impulse along n are positive, the latter pushing the pin
-    inwards; the tangential one is on the pin along t (see ``contact.walls``). ``energy_lost_J`` is this
+    inwards; the tangential one is on the pin along t (see ``contact_forces``). ``energy_lost_J`` is this
     contact's part, friction's included; ``effective_mass_kg`` is its own on a rigid wall. What a compliant
     contact does not tell is NaN; so are, of a rigid wall, the largest normal force and penetration, and their
     times.

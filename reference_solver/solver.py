@@ -10,7 +10,7 @@ import numpy as np
 
 from reference_solver import failures
 from reference_solver.checks import POSITIVE, is_count, is_number, require, require_positive, require_vector
-from reference_solver.contact.walls import separation
+from reference_solver.contact_forces import separation
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.guard import Guard
 from reference_solver.impacts import Impacts

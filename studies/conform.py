@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from engine_models.engine import AdapterCannot, Engine, RunSettings, Trajectory, UnsupportedScene
-from engine_models.mechanics.assembly import start_state
 from engine_models.mechanics.energy import unaccounted_part
+from engine_models.mechanics.loads import accelerations, wrenches
+from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import observed_m
-from engine_models.mechanics.wrenches import accelerations, wrenches
 from engine_models.scene.library import ALL_SCENES, SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import converged, solved

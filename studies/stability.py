@@ -17,7 +17,7 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import make_engine
-from engine_models.mechanics.contact_law import exponent_of, stiffness_of
+from engine_models.mechanics.energy import exponent_of, stiffness_of
 from engine_models.mechanics.states import observed_m
 from engine_models.scene.format import Clearance
 from engine_models.scene.library import BEARING_RADIUS_M, clearance, ideal_driven

@@ -14,10 +14,10 @@ from engine_models.arms import AS_IT_COMES, Arm, Setting
 from engine_models.convergence.doubts import doubts
 from engine_models.engine import Contact, Engine, FloatArray, RunSettings, SimulationFailed, Trajectory, plain
 from engine_models.engines import make_engine
-from engine_models.mechanics.assembly import start_angle, start_state
-from engine_models.mechanics.closing import closed
 from engine_models.mechanics.quality import quality_of
+from engine_models.mechanics.start import start_angle, start_state
 from engine_models.mechanics.states import observed_m
+from engine_models.minimal.closing import closed
 from engine_models.scene.format import SceneError
 from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene

@@ -22,7 +22,7 @@ from engine_models.engine import (
     UnsupportedScene,
     require_finite,
 )
-from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.start import start_state
 from engine_models.progress import tell
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, MechanismData, Point, Torque

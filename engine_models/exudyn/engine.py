@@ -22,11 +22,10 @@ from engine_models.engine import (
 )
 from engine_models.exudyn.contact import native_twin
 from engine_models.exudyn.tree import why_no_tree
-from engine_models.mechanics.contact_law import require_family
-from engine_models.mechanics.crank_motion import require_followed
-from engine_models.mechanics.start_check import unwound
+from engine_models.mechanics.start import unwound
 from engine_models.memory import require_memory
-from engine_models.minimal.forces import Forces
+from engine_models.minimal.forces import Forces, require_family
+from engine_models.pace import require_followed
 from engine_models.scene.scene import Scene
 
 #: Solvers of the absolute model and of the tree, by their orders; None where a tolerance decides.

@@ -22,7 +22,7 @@ from engine_models.engine import FloatArray
 from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.motion import generalised, link_rows
 from engine_models.exudyn.tree import Branch, branches_of, turned, way_of
-from engine_models.mechanics.start_check import checked_start
+from engine_models.mechanics.start import checked_start
 from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces

@@ -12,11 +12,10 @@ import numpy as np
 from engine_models import progress
 from engine_models.engine import EngineFailed, RunSettings, SimulationFailed
 from engine_models.exudyn.engine import IMPLICIT, ExudynEngine, steps_as_they_come
-from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.crank_motion import FEWEST_STEPS, quickest_s
+from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import lever_m, shortest_m
 from engine_models.minimal.forces import Forces
-from engine_models.pace import Pace
+from engine_models.pace import FEWEST_STEPS, Pace, quickest_s
 from engine_models.scene.mechanism import levers_m
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contact_laws import stiffness_of

@@ -5,11 +5,12 @@ import math
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.contact_law import exponent_of, stiffness_of
 from engine_models.mechanics.loads import load_forces
 from engine_models.mechanics.states import lever_m, point_motion
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.contact_laws import exponent_of as exponent_of
+from reference_solver.mechanism.contact_laws import stiffness_of as stiffness_of
 from reference_solver.mechanism.contact_laws import stored_J
 from reference_solver.mechanism.data import Spring
 

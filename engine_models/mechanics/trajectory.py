@@ -5,15 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
-from engine_models.mechanics.contact_law import clips
 from engine_models.mechanics.energy import elastic_energy_J
-from engine_models.mechanics.joints import penetration_m
-from engine_models.mechanics.loads import load_works_J
+from engine_models.mechanics.loads import drive_torque, parts_of
+from engine_models.mechanics.states import way
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.curves import curve_of
-from reference_solver.mechanism.data import DriveData, Motor, Torque
-from reference_solver.mechanism.motor import motor_torque
+from reference_solver.mechanism.contact_laws import clips
+from reference_solver.mechanism.data import Torque
 
 
 def trajectory_of(
@@ -66,18 +64,28 @@ def trajectory_of(
     )
 
 
-def drive_torque(drive: DriveData, time_s: FloatArray, velocity: FloatArray) -> FloatArray | None:
-    """Return the torque of a drive that prescribes no motion, (n,) at times and velocities (n, bodies, 3)."""
-    law, speed = drive.law, velocity[:, drive.body, 2]
-    if isinstance(law, Torque):
-        if isinstance(law.torque_N_m, float):
-            return np.full(len(speed), law.torque_N_m)
-        return np.asarray(curve_of(law.torque_N_m)(drive.clock_s + time_s))
-    if isinstance(law, Motor):
-        if law.table is not None:
-            return np.asarray(curve_of(law.table)(np.clip(speed, law.table.x[0], law.table.x[-1])))
-        return np.asarray(motor_torque(law, speed))
-    return None
+def load_works_J(
+    scene: Scene, position: FloatArray, integrated: Mapping[str, FloatArray]
+) -> dict[str, FloatArray]:
+    """Return the work of each part of the loads since the first of positions (n, bodies, 3), (n,).
+
+    Those of forces and torques without a potential are given, and what springs' dampers take.
+    """
+    of, works, at_rest = scene.mechanism, dict[str, FloatArray](), np.zeros_like(position)
+    short = "slider." if scene.is_short else ""
+    for load in of.loads:
+        exact, body = dict[str, FloatArray](), of.bodies[load.body].name
+        if load.line is not None:
+            s, _ = way(load.line, position, at_rest)
+            gone, middle = s - s[0], (s + s[0]) / 2
+            exact["force"] = load.force_N * gone
+            exact["spring"] = -load.spring_N_m * gone * (middle - load.free_position_m)
+        angle = position[:, load.body, 2]
+        exact["torque"] = load.torque_N_m * (angle - angle[0])
+        for part in parts_of(load):
+            name = f"{body}.{part}".removeprefix(short)
+            works[name] = exact[part] if part in exact else integrated[name]
+    return works | {name: work for name, work in integrated.items() if name.startswith("spring:")}
 
 
 def contact_of(
@@ -96,7 +104,8 @@ def contact_of(
 
     What friction and clipping there may be in them is left out where the clearance has none.
     """
-    penetration, has_friction = penetration_m(clearance, gap_m), clearance.friction is not None
+    has_friction = clearance.friction is not None
+    penetration = np.hypot(*gap_m.T) - clearance.radial_clearance_m
     return Contact(
         gap_m=gap_m,
         penetration_m=penetration,

@@ -369,12 +369,12 @@ def drive(p: FloatArray, t: FloatArray, motion: FloatArray) -> None:
 
 
 @entry
-def react(p: FloatArray, q: FloatArray, B: FloatArray) -> None:
-    """Fill the rows B (n, m, 3b) of joints, guides and driver in positions (n, 3b)."""
-    phases, still, (g, c, gamma) = block(p, PHASES), np.zeros(q.shape[1]), np.empty((3, B.shape[1]))
+def react(p: FloatArray, q: FloatArray, g: FloatArray, B: FloatArray) -> None:
+    """Fill the rows g (n, m) and B (n, m, 3b) of joints, guides and driver in positions (n, 3b) at t = 0."""
+    phases, still, (c, gamma) = block(p, PHASES), np.zeros(q.shape[1]), np.empty((2, B.shape[1]))
     phases[:] = 0.0
     for n in range(len(q)):
-        fill_rows(p, 0.0, q[n], still, g, B[n], c, gamma)
+        fill_rows(p, 0.0, q[n], still, g[n], B[n], c, gamma)
 
 
 @jit

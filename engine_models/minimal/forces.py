@@ -14,13 +14,15 @@ from functools import cached_property
 
 import numpy as np
 
-from engine_models.engine import Contact, FloatArray, Trajectory
+from engine_models.engine import Contact, FloatArray, Trajectory, UnsupportedScene
+from engine_models.mechanics.loads import force_on_pin
 from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Numbers
+from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import data
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, NORMAL_LAWS
 
 #: Parts of loads whose works follow from the positions: those of the others are integrals over time.
 EXACT = ("force", "spring", "torque")
@@ -78,14 +80,18 @@ class Reactions:
     driver_torque_N_m: FloatArray | None
 
 
-def force_on_pin(contact: Contact | ContactStates) -> FloatArray:
-    """Return the force of a bearing on its pin, (n, 2) in N."""
-    distance = np.maximum(np.hypot(*contact.gap_m.T), np.finfo(float).tiny)
-    x, y = contact.gap_m.T / distance
-    force = -contact.normal_force_N * np.array([x, y])
-    if contact.friction_force_N is not None:
-        force += contact.friction_force_N * np.array([-y, x])
-    return np.asarray(force.T)
+def require_family(scene: Scene, engine: str) -> None:
+    """Refuse laws that the reference has by functions of their own, which an engine has no form for.
+
+    Raises:
+        UnsupportedScene: a joint has one.
+    """
+    for name, room in scene.clearances.items():
+        if room.law in NORMAL_LAWS:
+            expected = "a law of a stiffness and a damping, or of the dissipative family"
+            raise UnsupportedScene(
+                f"{engine}: clearance.{name}.law: expected {expected}, got {shown(room.law)}"
+            )
 
 
 class Forces(Numbers):
@@ -181,9 +187,7 @@ class Forces(Numbers):
         They are two of each ideal joint, one across each guide, followed by its moment where it has one, and
         that of a drive that prescribes a motion.
         """
-        B = np.empty((len(position), self.rows, self.size))
-        eq.react(self.p, _flat(position), B)
-        return B
+        return self.rows_at(_flat(position))[1]
 
     def reactions(
         self,

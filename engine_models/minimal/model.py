@@ -174,6 +174,12 @@ class Numbers:
         self.contacts, self.phases = self.block(eq.CONTACTS), self.block(eq.PHASES)
         self.order, self.told = self.block(eq.ORDER)[0], self.block(eq.TOLD)[0]
 
+    def rows_at(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return g (n, m) and B (n, m, 3b) of joints, guides and driver in positions (n, 3b) at t = 0."""
+        g, B = np.empty((len(q), self.rows)), np.empty((len(q), self.rows, self.size))
+        eq.react(self.p, np.ascontiguousarray(q), g, B)
+        return g, B
+
     def block(self, number: int) -> FloatArray:
         """Return a block of ``p``, of which a change changes it."""
         first, rows, columns = self.p[3 * number : 3 * number + 3].astype(int).tolist()
@@ -295,7 +301,7 @@ class Model(Numbers):
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        q, v = _start_of(scene)
+        q, v = np.array(scene.placed.q), np.array(scene.placed.v)
         self.turns_rad = turns_of(q[2::3])
         q[2::3] -= self.turns_rad
         super().__init__(scene.mechanism, q, damping_of)
@@ -390,11 +396,6 @@ class Model(Numbers):
             if not np.abs(by).max(initial=0.0) <= CLOSED * whole:
                 allowed = f"at t = 0 s, expected no more than {CLOSED * whole:.3g} {unit}"
                 raise ImpossibleStart(f"start: {what} by {np.abs(by).max():.3g} {unit} {allowed}")
-
-
-def _start_of(scene: Scene) -> tuple[FloatArray, FloatArray]:
-    """Return q and v (3b,) at t = 0."""
-    return np.array(scene.placed.q), np.array(scene.placed.v)
 
 
 def turns_of(angle: FloatArray) -> FloatArray:

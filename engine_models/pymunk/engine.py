@@ -14,30 +14,29 @@ from pydantic.dataclasses import dataclass
 from engine_models.engine import (
     SETTINGS_CONFIG,
     BareRun,
-    Engine,
     RunSettings,
     Trajectory,
     UnsupportedScene,
     require_finite,
 )
-from engine_models.mechanics.contact_law import require_family
-from engine_models.mechanics.crank_motion import require_followed
-from engine_models.mechanics.start_check import checked_start, unwound
+from engine_models.kernels import CompiledEngine
+from engine_models.mechanics.start import checked_start, unwound
 from engine_models.memory import require_memory
+from engine_models.minimal.forces import require_family
 from engine_models.minimal.run import trajectory_of
+from engine_models.pace import require_followed
 from engine_models.pymunk.loop import Loop
-from engine_models.pymunk.model import build, sweeps_of
+from engine_models.pymunk.model import build, changes_speed, sweeps_of
 from engine_models.pymunk.native_contact import rigid_twin
 from engine_models.pymunk.record import Record, require_the_mechanism
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.data import ConstantSpeed
 
 #: What fits into a C int.
 Count = Annotated[int, Field(gt=0, lt=2**31)]
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
-class PymunkEngine(Engine):
+class PymunkEngine(CompiledEngine):
     """Settings of the Pymunk model; the defaults are its best practice.
 
     ``iterations`` is the number of Gauss-Seidel sweeps over joints and contacts in a step; without one there
@@ -64,20 +63,18 @@ class PymunkEngine(Engine):
     restitution they name (see ``twin``). Rigid walls are of order 1, since a contact is noticed in the first
     step that is past the wall, and so are laws with damping or friction, which know the speeds of half a step
     before; Hertz's alone is of order 2. Forces are means over a step: a rigid impact's peak grows as 1/dt and
-    means nothing, its impulse does. At the kick that strikes a rigid wall the velocity reported is the one
-    before, and losses and work are those before.
+    means nothing, its impulse does. At the kick that strikes a rigid wall velocity, losses and work are those
+    before.
 
     With ``shorter_in_contact`` steps are that many times shorter in contact, and from two long steps before a
-    touch on, foreseen along straight lines. A kick's loads last from the middle of the step before it to the
-    middle of the one after, so that the order stays what it is. It pays where flights are long and contacts
-    brief; forces within two steps of a change are not those of their time. It is for compliant contacts, half
-    a kick at the start, and drives of constant speed.
+    touch on. A kick's loads last from the middle of the step before it to the middle of the one after, so
+    that the order stays what it is. It pays where flights are long and contacts brief; forces within two
+    steps of a change are not those of their time.
 
     The rest is for native contacts. ``collision_bias`` is the fraction of a penetration left after a second,
-    ``collision_slop_m`` the penetration left alone. At a bias of 0 a pin that follows its wall leaves it at
-    every other step, with 4 times the error and 12 times the energy residual of 1e-300, a rate of 690/s (set
-    R, 0.1 mm, e = 0.5, over a revolution at dt = 1.2e-7 s); the library's own rate, 6.3/s, lets the drift
-    along the wall add up. ``collision_persistence`` is the number of steps that a contact is remembered.
+    ``collision_slop_m`` the penetration left alone, ``collision_persistence`` the number of steps that a
+    contact is remembered. At a bias of 0 a pin that follows its wall leaves it at every other step, with 4
+    times the error and 12 times the energy residual of 1e-300 (set R, 0.1 mm, e = 0.5, dt = 1.2e-7 s).
     """
 
     iterations: Count | None = None
@@ -106,7 +103,10 @@ class PymunkEngine(Engine):
         """
         require_family(scene, "pymunk")
         twin = rigid_twin(scene) if self.contact == "rigid" else scene
-        fixing = [*needs_one_step(twin), *([] if self.half_kick_start else ["half_kick_start = False"])]
+        rooms = twin.clearances.items()
+        fixing = [f"clearance.{name}.law = rigid" for name, room in rooms if room.law == "rigid"]
+        fixing += [f"drive.kind = {twin.drive.kind}"] if changes_speed(twin.mechanism) else []
+        fixing += [] if self.half_kick_start else ["half_kick_start = False"]
         if self.shorter_in_contact > 1 and fixing:
             raise UnsupportedScene(
                 "pymunk with shorter_in_contact > 1: expected nothing that needs steps of one length, "
@@ -141,16 +141,13 @@ class PymunkEngine(Engine):
         """Return the same steps, of which works and forces need nothing.
 
         Raises:
-            UnsupportedScene, SimulationFailed: as ``simulate`` does.
+            UnsupportedScene, SimulationFailed: as ``simulate`` does, but for joints that come apart.
         """
         twin = self.twin(scene)
         with np.errstate(all="ignore"):
             loop = self._loop(twin, settings)
-            start = loop.positions()
             loop.run()
-            end, end_s = loop.positions(), np.array([twin.end_time_s])
-            require_the_mechanism(twin, loop.model.groove_m, end[None], start[None], end_s)
-            return BareRun(loop.solve_time_s, end, loop.engine_time_s)
+            return BareRun(loop.solve_time_s, loop.positions(), loop.engine_time_s)
 
     def _loop(self, scene: Scene, settings: RunSettings) -> Loop:
         require_followed(scene, settings.step_used_s(scene.end_time_s))
@@ -164,13 +161,3 @@ class PymunkEngine(Engine):
         for joint in space.constraints:
             joint.error_bias = self.error_bias
         return Loop(scene, settings, model, velocity, self.half_kick_start, self.shorter_in_contact)
-
-
-def needs_one_step(scene: Scene) -> list[str]:
-    """Return what of a scene is made for steps of one length: native contacts and changing speeds."""
-    joints, law = scene.clearances.items(), scene.mechanism.drive.law
-    changes = scene.mechanism.drive.prescribes and not isinstance(law, ConstantSpeed)
-    return [
-        *(f"clearance.{name}.law = rigid" for name, clearance in joints if clearance.law == "rigid"),
-        *([f"drive.kind = {scene.drive.kind}"] if changes else []),
-    ]

@@ -31,12 +31,8 @@ NOTHING, LONGER, TOUCHING, THROUGH = range(4)
 #: What ``account`` goes by: the change of velocities; the state; or the state, with joints that see no
 #: curvature of their paths yet.
 KNOWN, CURVED, STRAIGHT = range(3)
-
-
-@jit
-def to_centre(q: FloatArray, b: int, origin: FloatArray) -> tuple[float, float]:
-    """Return the way from a body's centre of mass to its origin in the frame."""
-    return eq.arm(q, b, origin[b, 0], origin[b, 1])
+#: By this part diagonals are raised where rows depend on each other.
+FLAT = 1e-10
 
 
 @jit
@@ -75,7 +71,7 @@ def look_ahead(
         for k in range(3):
             v[3 * n + k] = state[rows[n], 3 + k]
             q[3 * n + k] = state[rows[n], k] + h * v[3 * n + k]
-        arms[n] = to_centre(q, n, origin)
+        arms[n] = eq.arm(q, n, origin[n, 0], origin[n, 1])
         q[3 * n], q[3 * n + 1] = q[3 * n] - arms[n, 0], q[3 * n + 1] - arms[n, 1]
         v[3 * n], v[3 * n + 1] = (
             v[3 * n] + v[3 * n + 2] * arms[n, 1],
@@ -124,28 +120,25 @@ def account(
     state: FloatArray,
     rows: IntArray,
     origin: FloatArray,
-    q: FloatArray,
-    v: FloatArray,
-    a: FloatArray,
+    motion: FloatArray,
     told: FloatArray,
     powers: FloatArray,
     multipliers: FloatArray,
-    matrix: FloatArray,
-    right: FloatArray,
 ) -> None:
-    """Fill places, mean velocities and accelerations (3b,) of a kick, the multipliers (m,), and the powers.
+    """Fill places, mean velocities and accelerations of a kick (3, 3b), the multipliers (m,) and the powers.
 
-    The multipliers solve B M^-1 B^T lambda = B (a - M^-1 F), of which matrix and right side are left. They
-    are those of the change of velocities, with contacts that do what is told of them; or those of the place
-    and the velocities, and so are the accelerations then.
+    The multipliers solve B M^-1 B^T lambda = B (a - M^-1 F). They are those of the change of velocities, with
+    contacts that do what is told of them; or those of the place and the velocities, and so are the
+    accelerations then. In a flat position, where rows depend on each other, they are the shortest.
     """
+    q, v, a = motion
     contacts, phases, bodies = eq.block(p, eq.CONTACTS), eq.block(p, eq.PHASES), eq.block(p, eq.BODIES)
-    size, m, laws, F = len(q), len(right), phases.copy(), np.empty(len(q))
+    size, m, laws, F = len(q), len(multipliers), phases.copy(), np.empty(len(q))
     for n in range(len(rows)):
         for k in range(3):
             was, now, place = before[n, k], state[rows[n], 3 + k], state[rows[n], k]
             q[3 * n + k], v[3 * n + k], a[3 * n + k] = place, (was + now) / 2.0, (now - was) / plan[KICK]
-        ax, ay = to_centre(q, n, origin)
+        ax, ay = eq.arm(q, n, origin[n, 0], origin[n, 1])
         spin, gain = v[3 * n + 2], a[3 * n + 2]
         q[3 * n], q[3 * n + 1] = q[3 * n] - ax, q[3 * n + 1] - ay
         v[3 * n], v[3 * n + 1] = v[3 * n] + spin * ay, v[3 * n + 1] - spin * ax
@@ -158,7 +151,7 @@ def account(
     driver = eq.forces(p, plan[TIME], q, v, F, told, powers)
     phases[:] = laws
     g, c, gamma, swaps = np.empty(m), np.empty(m), np.empty(m), np.empty(m, np.int64)
-    B, by_mass = np.empty((m, size)), np.empty((m, size))
+    B, by_mass, matrix, right = np.empty((m, size)), np.empty((m, size)), np.empty((m, m)), np.empty(m)
     eq.fill_rows(p, plan[TIME], q, v, g, B, c, gamma)
     driven = eq.block(p, eq.SCALARS)[0, eq.MOTION] >= 0.0  # by the last row
     for i in range(m):
@@ -171,10 +164,14 @@ def account(
             for r in range(size):
                 matrix[i, j] += by_mass[i, r] * B[j, r]
             matrix[j, i] = matrix[i, j]
-    multipliers[:] = right
-    factors = matrix.copy()
-    eq.factor(factors, swaps)
-    eq.solve(factors, swaps, multipliers)
+    for more in (0.0, FLAT):
+        factors, multipliers[:] = matrix.copy(), right
+        for i in range(m):
+            factors[i, i] *= 1.0 + more
+        eq.factor(factors, swaps)
+        eq.solve(factors, swaps, multipliers)
+        if np.isfinite(multipliers).all():
+            break
     for r in range(size):
         if given != KNOWN:
             a[r] = F[r] / bodies[r // 3, 1 if r % 3 == 2 else 0]

@@ -11,20 +11,15 @@ from engine_models.engine import FloatArray, RunSettings, SimulationFailed
 from engine_models.minimal import equations as eq
 from engine_models.progress import tell
 from engine_models.pymunk import kicks
-from engine_models.pymunk.model import Model
+from engine_models.pymunk.model import Model, changes_speed
 from engine_models.pymunk.native_contact import NativeContact
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.data import ConstantSpeed
 
 FIELDS = batch.BodyFields
 STATE = FIELDS.POSITION | FIELDS.ANGLE | FIELDS.VELOCITY | FIELDS.ANGULAR_VELOCITY
 LOADS = FIELDS.FORCE | FIELDS.TORQUE
-
-
 #: Takes the step's length, whether a pin touches in it, and whether it comes to a sample.
 Take = Callable[[float, bool, bool], None]
-#: Singular values below this part of the largest are zero, where rows depend on each other.
-ZERO = 1e-15
 
 
 class Loop:
@@ -53,8 +48,9 @@ class Loop:
         self.plan = np.zeros(9)
         self.plan[[kicks.IN_FLIGHT, kicks.NEXT, kicks.IN_CONTACT]] = step_s, step_s, step_s / shorter
         self.told = np.zeros(eq.OF_CONTACT * len(forces.phases) + len(forces.parts))
-        self.powers, (self.q, self.v, self.a) = np.zeros(len(forces.sums) + 1), np.zeros((3, size))
-        self.multipliers, self._right, self._matrix = np.zeros(m), np.zeros(m), np.zeros((m, m))
+        self.powers, self.multipliers = np.zeros(len(forces.sums) + 1), np.zeros(m)
+        self._motion = np.zeros((3, size))
+        self.q, self.v, self.a = self._motion
         rooms = [scene.clearances[pin.name] for pin in forces.of.loose]
         self.native = {
             k: NativeContact(model, k, forces.of.loose[k], room)
@@ -62,11 +58,10 @@ class Loop:
             if room.law == "rigid"
         }
         drive = forces.of.drive
-        self._changes = drive.prescribes and not isinstance(drive.law, ConstantSpeed)
+        self._changes = changes_speed(forces.of)
         driven = model.bodies[drive.body]
         self._driven, self._begin_at, self._begin_rad = driven, driven.position, driven.angle
-        self._loaded = bool(forces.parts or model.rotors)
-        self._looks = self._loaded or bool(rooms)
+        self._looks = model.loaded or bool(rooms)
         self._read, self._write, ids = batch.Buffer(), batch.Buffer(), batch.Buffer()
         self._loads, self.before = np.zeros((2, size // 3, 3))
         self._write.set_float_buf(self._loads)
@@ -132,15 +127,10 @@ class Loop:
         return np.array(self.q.reshape(-1, 3))
 
     def account(self, given: int) -> None:
-        """Find what a kick was, and its reactions; the shortest where rows depend, as in a flat position."""
-        bodies = (self.before, self.state, self.rows, self.model.origin)
-        found = self.q, self.v, self.a, self.told, self.powers, self.multipliers, self._matrix, self._right
+        """Find what a kick was, and its reactions."""
+        bodies = self.before, self.state, self.rows, self.model.origin
+        found = self._motion, self.told, self.powers, self.multipliers
         kicks.account(self.forces.p, self.plan, given, *bodies, *found)
-        if not np.isfinite(self.multipliers).all():
-            self.multipliers[:] = np.linalg.pinv(self._matrix, ZERO, hermitian=True) @ self._right
-            if self.forces.of.drive.prescribes:
-                speed = self.forces.motion(self.plan[[kicks.TIME]])[1, 0]
-                self.powers[len(self.forces.sums) - 1] = self.multipliers[-1] * speed
 
     def _step(self, t: float, step_s: float, left_s: float) -> bool:
         """Take a step to a time, from which there is some left to the next sample; return whether pins touch.
@@ -149,7 +139,7 @@ class Loop:
         from which it comes to its own at t.
         """
         space, acts = self.model.space, self._look(t, step_s, left_s)
-        if acts or self._loaded:
+        if acts or self.model.loaded:
             batch.set_space_bodies(space, LOADS, self._write)
         if self._changes:
             (way, _), (_, speed), _ = self.forces.motion(np.array([t, t + step_s / 2])).tolist()

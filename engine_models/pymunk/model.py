@@ -10,15 +10,14 @@ from engine_models.engine import FloatArray, UnsupportedScene
 from engine_models.minimal.forces import Forces
 from engine_models.scene.mechanism import levers_m
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.data import GROUND, Guide, MechanismData, Pin, Point
+from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, MechanismData, Pin, Point
 
 #: The mass of a body that turns about a pin of the ground without a joint: a power of two loses no digit.
 IMMOVABLE_KG = 2.0**100
 #: A point is on a line that it is beside by less than this part of the longest lever; half a groove's length
 #: in levers.
 ON_LINE, GROOVE = 1e-9, 1e3
-
-
+PROJECTED = "Chipmunk's groove solves the pin's full 2x2 impulse and projects it, of order 1 in the step"
 #: What sweeps may leave of an open joint at the start, how many times as many there are on the way, and at
 #: least and at most.
 LEFT_OVER, ON_THE_WAY, LEAST_SWEEPS, MOST_SWEEPS = 0.2, 4.0, 100, 2000
@@ -30,7 +29,8 @@ class Model:
 
     ``origin`` (bodies, 2) is the way from each body's centre of mass to its origin in the space, in the
     body's axes: a body that is moved about a pin of the ground, or turns about it as one with it, has it
-    there. ``lift_N`` (bodies, 2) is what takes the space's gravity back where a weight is given as a load.
+    there. ``lift_N`` (bodies, 2) is what takes the space's gravity back where a weight is given as a load,
+    and ``loaded`` whether loads are to be set in every step.
     """
 
     forces: Forces
@@ -39,11 +39,7 @@ class Model:
     origin: FloatArray
     lift_N: FloatArray
     groove_m: float
-
-    @property
-    def rotors(self) -> bool:
-        """Whether a body turns about a pin of the ground as one with it."""
-        return any(body.mass == IMMOVABLE_KG for body in self.bodies)
+    loaded: bool
 
     def end(self, body: int, point: Point) -> tuple[pymunk.Body, pymunk.Vec2d]:
         """Return a body of the space, or its static one for the ground, and a point from its origin."""
@@ -69,9 +65,8 @@ def build(scene: Scene, position: FloatArray, all_joints: bool) -> Model:
     """
     of, forces, space = scene.mechanism, Forces(scene), pymunk.Space()
     still, rotors = _not_turning(of), bool(forces.parts) and not all_joints
-    about = {
-        body: pin for body in range(len(of.bodies)) if (pin := _pivot(of, body, still, rotors)) is not None
-    }
+    pivots = {body: _pivot(of, body, still, rotors) for body in range(len(of.bodies))}
+    about = {body: pin for body, pin in pivots.items() if pin is not None}
     bodies, origin, lift = list[pymunk.Body](), np.zeros((len(of.bodies), 2)), np.zeros((len(of.bodies), 2))
     for number, part in enumerate(of.bodies):
         if number in about:
@@ -90,10 +85,15 @@ def build(scene: Scene, position: FloatArray, all_joints: bool) -> Model:
         body.angle = phi
         bodies.append(body)
     groove = GROOVE * (max(levers_m(of), default=0.0) or 1.0)
-    model = Model(forces, space, tuple(bodies), origin, lift, groove)
-    joints = [_pivot_joint(model, pin) for pin in of.ideal if pin not in about.values()]
+    loaded = bool(forces.parts) or any(body.mass == IMMOVABLE_KG for body in bodies)
+    model = Model(forces, space, tuple(bodies), origin, lift, groove, loaded)
+    joints = list[pymunk.Constraint]()
+    for pin in of.ideal:
+        if pin not in about.values():
+            (i, at_i), (j, at_j) = model.end(pin.body_i, pin.point_i), model.end(pin.body_j, pin.point_j)
+            joints.append(pymunk.PivotJoint(i, j, at_i, at_j))
     for guide in of.guides:
-        if not (is_kinematic(of, guide.body_j) and _drives(of, guide)):
+        if not _drives(of, guide):
             joints += _guide_joints(model, guide, still)
     for joint in joints:
         joint.collide_bodies = False
@@ -106,8 +106,8 @@ def sweeps_of(forces: Forces, position: FloatArray) -> int:
 
     A sweep gives each joint in turn the impulse that closes it. What it leaves open of all joints is G times
     what was open before, with G = -(D + L)^-1 U of the joints' matrix J M^-1 J^T = L + D + U, and n sweeps
-    leave rho^n, rho the largest eigenvalue of G. On its way rho is larger than at the start: n is up to 4.3
-    times as large in a quick return, 1.9 times in Andrews' squeezer and 1.3 times in a crank-slider.
+    leave rho^n, rho the largest eigenvalue of G. Half is too much (see ``PymunkEngine``). On its way a
+    quick return needs 11 times as many as at the start, Andrews' squeezer 1.9 times.
     """
     of, still = forces.of, _not_turning(forces.of)
     mobility = 1.0 / forces.masses
@@ -131,6 +131,11 @@ def is_kinematic(of: MechanismData, body: int) -> bool:
     """Return whether a drive moves a body along its guide, or about an ideal pin of the ground."""
     drive = of.drive
     return drive.prescribes and drive.body == body and (drive.guide is not None or bool(_pins(of, body)))
+
+
+def changes_speed(of: MechanismData) -> bool:
+    """Return whether a drive prescribes another speed in every step."""
+    return of.drive.prescribes and not isinstance(of.drive.law, ConstantSpeed)
 
 
 def _drives(of: MechanismData, guide: Guide) -> bool:
@@ -171,15 +176,13 @@ def _pivot(of: MechanismData, body: int, still: set[int], rotors: bool) -> Pin |
     if body in still:
         return None
     for pin in (*pins, None) if rotors else (None, *pins):
-        if all(
-            _leads_through(guide, body, (0.0, 0.0) if pin is None else pin.point_j, near) for guide in lines
-        ):
+        place = (0.0, 0.0) if pin is None else pin.point_j
+        if all(_leads_through(guide, body, place, near) for guide in lines):
             return pin
     raise UnsupportedScene(
         f"pymunk: expected guide {lines[0].name} to lead through the point about which "
         f"{of.bodies[body].name} turns, its pin with the ground or its centre of mass, got a line "
-        "beside it: Chipmunk's groove solves the pin's full 2x2 impulse and projects it, which is of "
-        "order 1 in the step there (measured on a quick return)"
+        f"beside it: {PROJECTED} there (measured on a quick return)"
     )
 
 
@@ -191,29 +194,19 @@ def _leads_through(guide: Guide, body: int, place: Point, near: float) -> bool:
 
 
 def _require_no_slot(of: MechanismData, guide: Guide) -> None:
-    """Refuse a pin in a slot, and a motion along a guide that moves.
-
-    Raises:
-        UnsupportedScene: the guide is one.
-    """
+    """Raise UnsupportedScene for a pin in a slot, and for a motion along a guide that moves."""
     body = of.bodies[guide.body_j].name
     on = "the ground" if guide.body_i == GROUND else of.bodies[guide.body_i].name
     if guide.turns:
         raise UnsupportedScene(
             f"pymunk: expected guide {guide.name} to keep {body} from turning on {on}, got turns = true: "
-            "Chipmunk's groove solves the pin's full 2x2 impulse and projects it, which is of order 1 in the "
-            "step between bodies that turn (measured on a Scotch yoke)"
+            f"{PROJECTED} between bodies that turn (measured on a Scotch yoke)"
         )
     if _drives(of, guide) and guide.body_i != GROUND:
         raise UnsupportedScene(
             f"pymunk: expected drive.guide to be one on the ground, got {guide.name} on {on}: no joint of "
             "Chipmunk's moves a body along a line of another one"
         )
-
-
-def _pivot_joint(model: Model, pin: Pin) -> pymunk.Constraint:
-    (i, at_i), (j, at_j) = model.end(pin.body_i, pin.point_i), model.end(pin.body_j, pin.point_j)
-    return pymunk.PivotJoint(i, j, at_i, at_j)
 
 
 def _guide_joints(model: Model, guide: Guide, still: set[int]) -> list[pymunk.Constraint]:

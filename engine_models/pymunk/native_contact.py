@@ -5,10 +5,9 @@ contact is there in every step, though, and may be changed before it is solved. 
 the wall it gets the normal and the points of a pin that touches its bearing from inside. From there on all is
 Pymunk's own: restitution, Coulomb friction, the pin's penetration, and the sweeps over contacts and joints.
 
-The other native ways are worse. A slide joint as long as the clearance has neither restitution nor friction.
-A ring of segments is a polygon with corners: with 16 to 64 of them impulses are off by tens of per cent
-however short the step, with 256 a step takes 0.7 ms. As everywhere in Pymunk, Newton's restitution and
-Coulomb's friction know nothing of energy: an impact that turns the sliding round may create some (Kane 1984).
+The other native ways are worse: a slide joint has neither restitution nor friction, and with a ring of 64
+segments impulses are off by tens of per cent however short the step. Newton's restitution and Coulomb's
+friction know nothing of energy: an impact that turns the sliding round may create some (Kane 1984).
 """
 
 from typing import Any
@@ -94,18 +93,13 @@ def rigid_twin(scene: Scene) -> Scene:
     return scene.replace({f"clearance.{name}": _rigid(name, room) for name, room in scene.clearances.items()})
 
 
-def _rigid(name: str, clearance: Clearance) -> Clearance:
-    if clearance.law == "rigid":
-        return clearance
-    if clearance.law == "kelvin-voigt":
+def _rigid(name: str, room: Clearance) -> Clearance:
+    if room.law == "rigid":
+        return room
+    if room.law == "kelvin-voigt":
         raise UnsupportedScene(
             f"pymunk with contact = rigid needs a restitution, kelvin-voigt names none (joint {name})"
         )
-    return Clearance(
-        radial_clearance_m=clearance.radial_clearance_m,
-        bearing_radius_m=clearance.bearing_radius_m,
-        law="rigid",
-        restitution=1.0 if clearance.restitution is None else clearance.restitution,
-        friction=clearance.friction,
-        bearing=clearance.bearing,
-    )
+    same = room.model_dump(include={"radial_clearance_m", "bearing_radius_m", "friction", "bearing"})
+    restitution = 1.0 if room.restitution is None else room.restitution
+    return Clearance(law="rigid", restitution=restitution, **same)

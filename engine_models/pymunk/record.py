@@ -1,12 +1,10 @@
 """What the kicks of a run tell at its samples: motion, forces, works and impacts."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from engine_models.engine import FloatArray, SimulationFailed
 from engine_models.mechanics.quality import open_by_m
-from engine_models.mechanics.states import lever_m, pin_gap, way
+from engine_models.mechanics.states import lever_m, way
 from engine_models.minimal import equations as eq
 from engine_models.pymunk import kicks
 from engine_models.pymunk.loop import Loop
@@ -16,16 +14,8 @@ from engine_models.scene.scene import Scene
 LOST_GAP = 0.1
 #: Kicks of a half-kick start that are not those of their time.
 ODD_KICKS = 2
-
-
-@dataclass
-class Touch:
-    """A contact that is on: its begin, approach speed and sums before, and its kicks: (t, force, depth)."""
-
-    time_s: float
-    speed_m_s: float
-    sums: FloatArray
-    trace: list[tuple[float, float, float]] = field(default_factory=list)
+#: A contact that is on: its begin, approach speed and sums before, and its kicks: (t, force, depth).
+Touch = tuple[float, float, FloatArray, list[tuple[float, float, float]]]
 
 
 class Record:
@@ -79,18 +69,19 @@ class Record:
             if native.pushes if native else phase != eq.FLIGHT:
                 if touch is None:
                     speed = native.rate_m_s if native else float(rates[k] * c / (c + depth))
-                    touch = self._touches[k] = Touch(t, speed, sums.copy())
-                touch.trace.append((t, float(told[eq.NORMAL]), depth))
+                    touch = self._touches[k] = t, speed, sums.copy(), []
+                touch[3].append((t, float(told[eq.NORMAL]), depth))
             elif touch is not None:
                 del self._touches[k]
-                impulse, *lost = (sums - touch.sums).tolist()
-                time_s, force, deep = np.transpose(touch.trace)
+                began_s, speed, before, trace = touch
+                impulse, *lost = (sums - before).tolist()
+                time_s, force, deep = np.transpose(trace)
                 largest = [np.nan] * 4
                 if native is None:
                     tops = force.argmax(), deep.argmax()
                     largest = [force[tops[0]], time_s[tops[0]], deep[tops[1]], time_s[tops[1]]]
-                lasted = time_s[-1] - touch.time_s
-                self.impacts[k].append([touch.time_s, lasted, touch.speed_m_s, impulse, sum(lost), *largest])
+                lasted = time_s[-1] - began_s
+                self.impacts[k].append([began_s, lasted, speed, impulse, sum(lost), *largest])
 
     def _keep(self, velocity: FloatArray, sums: FloatArray) -> None:
         """Keep a sample, and those since the last kick, which are interpolated: places by cubics."""
@@ -117,20 +108,15 @@ def require_the_mechanism(
     """Check that positions (n, bodies, 3) at times (n,) are a scene's still, after the start (1, bodies, 3).
 
     Raises:
-        SimulationFailed: at the first time when an ideal joint or guide is too far open or not finite, a body
-            is beyond the end of its groove, or a pin is through the wall of its bearing.
+        SimulationFailed: at the first time when an ideal joint or guide is too far open or not finite, or a
+            body is beyond the end of its groove.
     """
-    of, still = scene.mechanism, np.zeros_like(position)
-    worst = open_by_m(scene, position, start)
-    checks = [(worst <= LOST_GAP * lever_m(scene), "constraints lost, a joint is {gap:.3g} m apart,")]
-    for pin in of.loose:
-        radius = scene.clearances[pin.name].bearing_radius_m
-        within = np.hypot(*pin_gap(pin, position, still).gap_m.T) <= radius
-        checks.append((within, f"pin through the wall of its bearing at joint {pin.name}"))
-    for guide in of.guides:
-        on = np.abs(way(guide, position, still)[0]) <= groove_m
-        checks.append((on, f"body beyond the end of guide {guide.name}"))
-    failures = [(int(np.argmin(holds)), what) for holds, what in checks if not holds.all()]
-    if failures:
-        first, what = min(failures)
-        raise SimulationFailed(f"{what.format(gap=worst[first])} at t = {time_s[first]:.6g} s")
+    gap, still = open_by_m(scene, position, start), np.zeros_like(position)
+    far = [np.abs(way(guide, position, still)[0]) for guide in scene.mechanism.guides]
+    lost = ~((gap <= LOST_GAP * lever_m(scene)) & (np.max(far, axis=0, initial=0.0) <= groove_m))
+    if lost.any():
+        first = int(np.argmax(lost))
+        what = (
+            f"constraints lost, a joint is {gap[first]:.3g} m apart, or a body beyond the end of its guide,"
+        )
+        raise SimulationFailed(f"{what} at t = {time_s[first]:.6g} s")

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from engine_models.engine import ImpossibleStart, RunSettings, Trajectory
-from engine_models.mechanics.start_check import checked_start
+from engine_models.mechanics.start import checked_start
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.assembly import Joints, Rank, dependence

@@ -6,9 +6,8 @@ import math
 from collections.abc import Callable
 
 from engine_models.engine import RunSettings, Trajectory
-from engine_models.mechanics.crank_motion import require_followed
-from engine_models.mechanics.start_check import checked_start
-from engine_models.pace import MOST_STEPS, Pace, too_slow
+from engine_models.mechanics.start import checked_start
+from engine_models.pace import MOST_STEPS, Pace, require_followed, too_slow
 from engine_models.progress import tell
 from engine_models.reference.solution import mechanism_of, trajectory_of_solution
 from engine_models.scene.scene import Scene

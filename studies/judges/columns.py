@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
-from engine_models.mechanics.joints import CRANK, ROD, SLIDER
-from engine_models.mechanics.loads import load_forces, spring_forces
+from engine_models.mechanics.loads import accelerations, load_forces, spring_pull, wrenches
 from engine_models.mechanics.states import GROUND, direction, guide_column, observed_columns, way
-from engine_models.mechanics.wrenches import accelerations, wrenches
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import load_works
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
 
+CRANK, ROD, SLIDER = range(3)
 #: Kinds of drives whose work has a column, because it is not the product of two others.
 OF_TIME = ("ramp", "fluctuating", "table", "motor")
 
@@ -39,8 +38,8 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
         columns["driver_force_N" if along else "driver_torque_N_m"] = run.driver_torque_N_m
     forces = load_forces(of, run.time_s, run.position, run.velocity)
     columns |= {f"{name.replace('.', '_')}_force_N": force for name, force in forces.items()}
-    springs = spring_forces(of, run.position, run.velocity)
-    columns |= {f"spring_{name}_force_N": force for name, force in springs.items()}
+    for spring in of.springs:
+        columns[f"spring_{spring.name}_force_N"], _ = spring_pull(spring, run.position, run.velocity)
     columns |= _energies(scene, run)
     for joint, contact in run.contacts.items():
         columns |= {

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from engine_models.engine import FloatArray, RunSettings
-from engine_models.mechanics.assembly import start_angle
 from engine_models.mechanics.quality import require_quality
+from engine_models.mechanics.start import start_angle
 from engine_models.mechanics.states import observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene

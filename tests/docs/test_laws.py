@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from engine_models.mechanics.contact_law import stiffness_of
 from engine_models.scene.format import LAWS
 from engine_models.scene.format import FrictionLaw as FrictionName
 from engine_models.scene.library import clearance
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, FRICTION_LAWS, FrictionLaw
+from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, FRICTION_LAWS, FrictionLaw, stiffness_of
 from tests.docs.pages import table
 
 PAGE = "docs/laws.md"

@@ -21,8 +21,8 @@ from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.engine import ExudynEngine
 from engine_models.exudyn.model import Model
 from engine_models.exudyn.solver import silence
-from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.energy import energy_balance_residual_J
+from engine_models.mechanics.start import start_state, started_from
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.format import Clearance, Friction

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
-from engine_models.mechanics.assembly import start_state, started_from
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
+from engine_models.mechanics.start import start_state, started_from
 from engine_models.mechanics.states import lever_m, observed
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.inspection import inspect

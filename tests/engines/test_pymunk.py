@@ -247,7 +247,7 @@ def test_the_twin_of_a_native_contact_is_the_scene_with_rigid_walls() -> None:
     assert damped.friction is not None
     assert native.twin(hertzian(1e10)).clearances["B"].restitution == 1.0
     ideal = ideal_driven()
-    assert native.twin(ideal) is ideal
+    assert native.twin(ideal) == ideal
     voigt: dict[str, Any] = {"law": "kelvin-voigt", "stiffness": 1e8, "damping_N_s_m": 100.0}
     nameless = ideal_driven().replace("clearance.B", wall(**voigt).model_dump(exclude_none=True))
     with pytest.raises(UnsupportedScene, match="kelvin-voigt names none"):

@@ -12,7 +12,7 @@ from engine_models.engine import (
     Trajectory,
     UnsupportedScene,
 )
-from engine_models.mechanics.assembly import start_state, started_from
+from engine_models.mechanics.start import start_state, started_from
 from engine_models.minimal.engine import ScipyEngine
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES, ideal_driven

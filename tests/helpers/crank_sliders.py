@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.start import start_state
 from engine_models.scene.scene import Scene
 
 

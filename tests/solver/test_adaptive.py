@@ -13,7 +13,7 @@ from scipy.special import ellipk
 
 from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.engines import make_engine
-from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.start import start_state
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES
 from reference_solver.kernel import Kernel, Topology

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from reference_solver.contact.force import contact_force
+from reference_solver.contact_forces import contact_force
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.contact_laws import (
     DAMPING_FACTORS,

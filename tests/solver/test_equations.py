@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
-from engine_models.mechanics.loads import slider_forces
+from engine_models.mechanics.loads import load_forces
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankLoad
 from engine_models.scene.start import assembled
 from reference_solver.equations import Equations
+from reference_solver.mechanism.contact_laws import exponent_of, stiffness_of
 from reference_solver.run import CONTACT
 from reference_solver.tape import Node, Scalar, Tape, Value
 from tests.studies.truth.closed_forms.crank_slider import configuration, crank_acceleration
@@ -178,7 +178,8 @@ def missing(scene: Scene, state: FloatArray, answers: FloatArray) -> FloatArray:
         answers[9:15].reshape(3, 2),
         answers[15:17],
     )
-    load = sum(f[0] for f in slider_forces(scene, position[None], velocity[None]).values())
+    now = np.zeros(1), position[None], velocity[None]
+    load = sum(f[0] for f in load_forces(scene.mechanism, *now).values())
     s, d = crank.centre_of_mass_m, rod.centre_of_mass_m
     at = [
         (0, 0, -s, 1),
@@ -247,7 +248,9 @@ def loose() -> Written:
     scene, phases = touching()
     clearance = scene.clearance["O"]
     assert clearance is not None
-    law, crank = law_numbers(clearance), scene.short.crank
+    K, power, rubbing = stiffness_of(clearance), exponent_of(clearance), clearance.friction
+    crank = scene.short.crank
+    assert rubbing is not None
     states, expected = [], []
     for turn, depth, x_rate, y_rate, spin in (
         (-1.2, 2e-6, 0.004, -0.006, 0.3),
@@ -260,9 +263,11 @@ def loose() -> Written:
         state = np.array([*centre, turn, x_rate, y_rate, spin])
         pin_rate = np.array([x_rate, y_rate]) - s * spin * np.array([-along[1], along[0]])
         rate, arm = float(n @ pin_rate), clearance.bearing_radius_m - clearance.radial_clearance_m - depth / 2
-        normal, spring, _ = normal_force(law._replace(clips=False, factor=1.0), depth, rate, 0.5)
+        spring = K * depth**power
+        normal = spring * (1 + rate / 0.5)
         sliding = float(n[0] * pin_rate[1] - n[1] * pin_rate[0] + spin * arm)
-        friction = friction_force(law, normal, sliding)
+        share = np.tanh(sliding / rubbing.regularisation_speed_m_s)
+        friction = -rubbing.coefficient * normal * share
         force = -normal * n + friction * np.array([-n[1], n[0]])
         torque = arm * friction - s * (along[0] * force[1] - along[1] * force[0])
         rates = (normal, (normal - spring) * rate, -friction * sliding)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference_solver.contact.walls import separation
+from reference_solver.contact_forces import separation
 from reference_solver.equations import Equations
 from reference_solver.failures import BlockedImpact
 from reference_solver.impacts import complementary

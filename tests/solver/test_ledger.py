@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings, Trajectory
-from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.start import start_state
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES

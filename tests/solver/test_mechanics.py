@@ -9,15 +9,14 @@ from engine_models import arms
 from engine_models.engine import RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.motion import integral
-from engine_models.mechanics.contact_law import LawNumbers, friction_force, normal_force, stiffness_of
-from engine_models.mechanics.crank_motion import crank_motion
 from engine_models.mechanics.energy import elastic_energy_J
-from engine_models.mechanics.loads import slider_forces
+from engine_models.mechanics.loads import load_forces
 from engine_models.pymunk.native_contact import rigid_twin
 from engine_models.reference import two_methods
-from engine_models.scene.format import Clearance, RampDrive
+from engine_models.scene.format import Clearance
 from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.short import CrankLoad
+from reference_solver.mechanism.contact_laws import stiffness_of
 
 STEEL = Clearance(
     radial_clearance_m=5e-4,
@@ -35,22 +34,6 @@ def test_a_steel_pin_is_as_stiff_as_hertz_has_it() -> None:
     assert stiffness_of(STEEL) == pytest.approx(6.6102e10, rel=1e-4)
 
 
-def test_a_law_is_clipped_where_it_would_pull_and_only_if_it_clips() -> None:
-    law = LawNumbers(stiffness=1e9, exponent=1.5, factor=0.5, damping=0.0, floor=1e-6, clips=True)
-    spring = 1e9 * 1e-9
-    found = [normal_force(law, 1e-6, rate, 0.2) for rate in (0.1, -0.6)]
-    assert found[0] == pytest.approx((1.25 * spring, spring, False))
-    assert found[1] == pytest.approx((0.0, spring, True))
-    pulling = law._replace(clips=False)
-    assert normal_force(pulling, 1e-6, -0.6, 0.2)[0] == pytest.approx(-0.5 * spring)
-
-
-def test_friction_is_a_ramp_past_its_dead_band_against_the_sliding() -> None:
-    law = LawNumbers(1e9, 1.5, 0.0, 0.0, 1e-6, False, coefficient=0.1, full=0.5, dead=0.1)
-    found = [friction_force(law, 20.0, speed) for speed in (-9.0, -0.3, 0.1, 0.3, 0.5)]
-    assert found == pytest.approx([2.0, 1.0, 0.0, -1.0, -2.0])
-
-
 def test_a_contact_stores_what_its_force_integrates_to() -> None:
     unset = {"young_modulus_Pa": None, "poisson_ratio": None}
     law = STEEL.model_copy(update={**unset, "stiffness": 1e9, "exponent": 1.5})
@@ -66,16 +49,8 @@ def test_a_spring_pulls_from_its_free_position() -> None:
     position = np.zeros((1, 3, 3))
     position[0, 2, 0] = 0.15
     scene = ideal_driven().model_copy(update={"load": load})
-    assert slider_forces(scene, position, position)["spring"] == pytest.approx(-60.0)
-
-
-def test_a_ramp_takes_its_time_and_is_half_way_in_the_middle() -> None:
-    drive = RampDrive(kind="ramp", final_speed_rad_s=110.0, ramp_time_s=0.02)
-    start = ideal_driven().short.start.model_copy(update={"crank_speed_rad_s": 10.0})
-    motion = crank_motion(ideal_driven().model_copy(update={"drive": drive, "start": start}))
-    assert motion is not None
-    assert motion.speed_rad_s(np.array([0.0, 0.01, 0.02, 1.0])).tolist() == pytest.approx([10, 60, 110, 110])
-    assert motion.turned_rad(np.array([0.02]))[0] == pytest.approx(60 * 0.02)
+    forces = load_forces(scene.mechanism, np.zeros(1), position, position)
+    assert forces["slider.spring"] == pytest.approx(-60.0)
 
 
 # Engines

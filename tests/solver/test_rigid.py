@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.start import start_state
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import RIGID_SCENES
 from engine_models.scene.scene import Scene

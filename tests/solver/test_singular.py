@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from engine_models.mechanics.assembly import start_state
+from engine_models.mechanics.start import start_state
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver import guard

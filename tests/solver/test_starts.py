@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from engine_models.engine import ImpossibleStart, RunSettings
+from engine_models.engine import FloatArray, ImpossibleStart, RunSettings
 from engine_models.engines import make_engine
-from engine_models.mechanics.assembly import assembled_apart
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.format import BodyState
 from engine_models.scene.library import SCENES
@@ -21,11 +20,32 @@ LEAVING, ENTERING = (-2.81, 5.80), (2.81, 5.80)
 END_S, STEPS = 4 * np.pi / SPEED_RAD_S, 10_000
 
 
+def apart(scene: Scene, gap: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities of a crank-slider at angle 0, with a gap and its rate, (2, 2), at B."""
+    (crank, rod, _), w = scene.crank_slider(), SPEED_RAD_S
+    state = np.zeros((2, 3, 3))
+    (x, y), (vx, vy) = gap
+    phi = -np.arcsin(y / rod.length_m)
+    rate = -(w * crank.length_m + vy) / (rod.length_m * np.cos(phi))
+    state[:, 0] = (crank.centre_of_mass_m, 0.0, 0.0), (0.0, w * crank.centre_of_mass_m, w)
+
+    def along(part: float) -> tuple[FloatArray, FloatArray]:
+        at, turned = part * np.array([np.cos(phi), np.sin(phi)]), part * np.array([-np.sin(phi), np.cos(phi)])
+        return np.array([crank.length_m, 0.0]) + at, rate * turned + [0.0, w * crank.length_m]
+
+    for row, at in enumerate(along(rod.centre_of_mass_m)):
+        state[row, 1, :2] = at
+    state[:, 1, 2] = phi, rate
+    pin, speed = along(rod.length_m)
+    state[:, 2, 0] = pin[0] + x, speed[0] + vx
+    return state[0], state[1]
+
+
 def beginning(place: tuple[float, float], rate: tuple[float, float]) -> Scene:
     """Return set R with its pin B there."""
     gap = CLEARANCE_M * np.array([place, np.multiply(rate, SPEED_RAD_S)])
     scene = SCENES["clearance-driven-0.5mm"]()
-    state = np.hstack(assembled_apart(scene, 0.0, SPEED_RAD_S, {"B": gap}))
+    state = np.hstack(apart(scene, gap))
     fields = {
         f"start.{body}.{name}": value
         for body, numbers in zip(scene.mechanism.names, state.tolist(), strict=True)

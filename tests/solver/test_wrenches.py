@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray, Trajectory
+from engine_models.mechanics.loads import accelerations, wrenches
 from engine_models.mechanics.states import lever_m
-from engine_models.mechanics.wrenches import accelerations, wrenches
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.file import from_toml
 from engine_models.scene.scene import Scene

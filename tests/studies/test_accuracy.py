@@ -5,7 +5,7 @@ import pytest
 
 from engine_models.arms import Arm
 from engine_models.engine import RunSettings
-from engine_models.mechanics.assembly import start_state, started_from
+from engine_models.mechanics.start import start_state, started_from
 from engine_models.scene.library import CLEARANCE_SCENES
 from engine_models.scene.scene import Scene
 from studies import accuracy, cost, settings

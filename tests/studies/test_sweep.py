@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 
 import crankslider as cs
-from engine_models.mechanics.assembly import start_state
-from engine_models.mechanics.closing import closed
+from engine_models.mechanics.start import start_state
+from engine_models.minimal.closing import closed
 from engine_models.scene.file import from_toml
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene

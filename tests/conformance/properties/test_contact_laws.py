@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine_models.mechanics.contact_law import friction_force, law_numbers, normal_force
 from engine_models.minimal.equations import friction_share
 from engine_models.minimal.model import damping_of, wall_of
 from engine_models.scene.format import Clearance, Friction
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
 
 deterministic = settings(max_examples=60, deadline=None, derandomize=True)
 depths = st.floats(1e-7, 1e-3)
@@ -25,36 +23,20 @@ def clearance(law: str, **fields: float) -> Clearance:
     return Clearance.model_validate(data)
 
 
-@pytest.mark.parametrize("law", [*DAMPING_FACTORS, "hertz", "kelvin-voigt"])
-@given(depths, rates, stiffnesses, restitutions, st.floats(1e-3, 2.0))
-@deterministic
-def test_what_is_not_elastic_takes_energy_out(
-    law: str, depth: float, rate: float, stiffness: float, e: float, approach: float
-) -> None:
-    fields = {"restitution": e} if law in DAMPING_FACTORS else {}
-    fields |= {"damping_N_s_m": 100.0} if law == "kelvin-voigt" else {}
-    numbers = law_numbers(clearance(law, stiffness=stiffness, **fields))
-    force, spring, clipped = normal_force(numbers, depth, rate, approach)
-    assert (force - spring) * rate >= 0
-    assert clipped == (force == 0.0)
-    assert force >= 0 or law == "kelvin-voigt"
-
-
 @pytest.mark.parametrize("kind", ["saturated-linear", "ambrosio", "tanh"])
 @given(st.floats(-0.012, 0.012) | st.floats(-5.0, 5.0), st.floats(-10.0, 1e4), st.floats(0.01, 0.5))
 @deterministic
-def test_friction_opposes_sliding_in_both_codes_and_is_no_more_than_coulombs(
+def test_friction_opposes_sliding_and_is_no_more_than_coulombs(
     kind: str, sliding: float, normal: float, coefficient: float
 ) -> None:
     dead = {"dead_band_speed_m_s": 0.003} if kind == "ambrosio" else {}
     of = {"law": kind, "coefficient": coefficient, "regularisation_speed_m_s": 0.01, **dead}
     room = clearance("hertz", stiffness=1e8).model_copy(update={"friction": Friction.model_validate(of)})
-    force = friction_force(law_numbers(room), normal, sliding)
     row = np.array([*[0.0] * 6, *wall_of(room.data(), damping_of)])
     most = coefficient * max(normal, 0.0)
-    true = -most * friction_share(row, sliding)
-    assert force == pytest.approx(true, rel=1e-12, abs=1e-13 * most)
+    force = -most * friction_share(row, sliding)
     assert force * sliding <= 0
+    assert force == 0.0 or abs(sliding) > dead.get("dead_band_speed_m_s", 0.0)
     assert abs(force) <= most
     if abs(sliding) >= 0.2 and normal > 0:  # twenty times the speed at which all of it acts
         assert math.isclose(abs(force), coefficient * normal, rel_tol=1e-9)

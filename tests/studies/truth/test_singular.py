@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
-from engine_models.mechanics.assembly import started_from
+from engine_models.mechanics.start import started_from
 from engine_models.minimal import model
 from engine_models.minimal.model import LimitPosition
 from engine_models.scene.format import SceneError

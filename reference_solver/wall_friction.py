@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reference_solver.contact.walls import sliding_row
+from reference_solver.contact_forces import sliding_row
 from reference_solver.factorisation import Factors, eliminated
 from reference_solver.mechanism.contact_laws import FRICTION_LAWS, FrictionLaw, steepest
 from reference_solver.mechanism.mechanism import ClearanceJoint

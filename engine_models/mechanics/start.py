@@ -1,0 +1,115 @@
+"""The start of a run: where bodies are, and how fast; begun later; checked, and without its whole turns."""
+
+import math
+
+import numpy as np
+
+from engine_models.engine import FloatArray, ImpossibleStart, Trajectory
+from engine_models.mechanics.states import pin_gap
+from engine_models.scene.format import BodyState
+from engine_models.scene.scene import Scene
+from engine_models.scene.start import held_at_start
+from reference_solver.mechanism.contact_laws import damping_factor_of
+
+#: A pin is in its wall that is by so many metres, and leaves it at so many m/s for every m/s, and one more,
+#: at which the bodies move.
+START_TOLERANCE = 1e-9
+
+
+def start_state(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Return the positions and velocities at t = 0, (bodies, 3) each: those given, or the assembly's."""
+    return np.array(scene.placed.q).reshape(-1, 3), np.array(scene.placed.v).reshape(-1, 3)
+
+
+def start_angle(scene: Scene) -> tuple[str, float]:
+    """Return the path of the field that tells the turning body's angle at the start, and the angle in rad.
+
+    Raises:
+        ValueError: the start tells no such angle, or does not hold it.
+    """
+    if scene.turning_body is None:
+        raise ValueError("expected a turning body, got none")
+    name = scene.mechanism.names[scene.turning_body]
+    path = scene.path(f"start.angle_rad.{name}")
+    if name not in scene.start.angle_rad or name not in held_at_start(scene)[0]:
+        raise ValueError(f"expected a start that tells {path} and holds it, got another")
+    return path, scene.start.angle_rad[name]
+
+
+def started_from(
+    scene: Scene,
+    position: FloatArray,
+    velocity: FloatArray,
+    time_s: float = 0.0,
+    end_time_s: float | None = None,
+) -> Scene:
+    """Return the scene begun at the positions and velocities, each (bodies, 3), of a time of its own.
+
+    It is as long as before, or ``end_time_s``.
+    """
+    keys, bodies = BodyState.model_fields, zip(position.tolist(), velocity.tolist(), strict=True)
+    states = [dict(zip(keys, [*x, *v], strict=True)) for x, v in bodies]
+    start: dict[str, object] = dict(zip(scene.mechanism.names, states, strict=True))
+    own_speed = not scene.speed_is_prescribed or scene.drive.kind == "table"  # others' is the drive's
+    if scene.speed_is_prescribed or not scene.is_plain:  # tables of loads go by the clock too
+        start["time_s"] = scene.clock_s + time_s
+    if scene.is_short:
+        start["crank_angle_rad"] = float(position[0, 2])
+        if own_speed:
+            start |= {"crank_speed_rad_s": float(velocity[0, 2]), "speed_m_s": None}
+        start = {**scene.as_written()["start"], **start}
+    elif not own_speed:
+        start |= {key: dict(getattr(scene.start, key)) for key in ("speed_rad_s", "speed_m_s")}
+    return scene.replace({"start": start, "end_time_s": end_time_s or scene.end_time_s})
+
+
+def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Return the positions and velocities at t = 0, each (bodies, 3).
+
+    Angles are without whole turns, by twos, after which gas is the same: ``unwound`` gives them back. They
+    only cost digits in an engine: at 1e6 rad an angle's are 1.2e-10 rad apart, while a turn taken as a double
+    is off by 2e-16 rad, so that so many turns are off by no more than 4e-11 rad.
+
+    Raises:
+        ImpossibleStart: a pin is on its way out of a wall whose law takes its damping from the touch.
+    """
+    position, velocity = start_state(scene)
+    _require_touches(scene, position, velocity)
+    return position - _turns(position), velocity
+
+
+def _turns(position: FloatArray) -> FloatArray:
+    """Return the whole turns, by twos, in angles of positions (bodies, 3), in their shape."""
+    turns = np.zeros_like(position)
+    turns[:, 2] = [angle - math.remainder(angle, 4 * math.pi) for angle in position[:, 2].tolist()]
+    return turns
+
+
+def _require_touches(scene: Scene, position: FloatArray, velocity: FloatArray) -> None:
+    """Require of pins that come out of their walls that no force depends on how fast they went in.
+
+    With the default floor of that speed instead the damping is so large that the pin sticks, in ever so many
+    steps; a floor that the scene states is taken at its word.
+    """
+    slow = START_TOLERANCE * (1 + np.abs(velocity).max())
+    for pin in scene.mechanism.loose:
+        joint, room = pin.name, scene.clearances[pin.name]
+        if not damping_factor_of(room) or room.minimum_impact_speed_m_s is not None:
+            continue
+        between = pin_gap(pin, position[None], velocity[None])
+        gap, rate = between.gap_m[0], between.rate_m_s[0]
+        distance = float(np.hypot(*gap))
+        depth, out = distance - room.radial_clearance_m, -float(gap @ rate) / max(distance, 1e-300)
+        if depth > START_TOLERANCE and out > slow:
+            raise ImpossibleStart(
+                f"start: expected pin {joint} within its clearance, or on its way into the wall, got it "
+                f"{depth:.3g} m in the wall and leaving at {out:.3g} m/s: law {room.law} needs the speed of "
+                "the touch, which was before; start it there or just before the wall, or state "
+                f"clearance.{joint}.minimum_impact_speed_m_s"
+            )
+
+
+def unwound(scene: Scene, trajectory: Trajectory) -> Trajectory:
+    """Return a run from ``checked_start`` with the scene's own turns in the bodies' angles again."""
+    trajectory.position[...] += _turns(start_state(scene)[0])
+    return trajectory

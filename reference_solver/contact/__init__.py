@@ -1,1 +1,0 @@
-"""Contacts of pins in their bearings: forces, walls, and the compiled loops that land on every event."""
