@@ -65,16 +65,14 @@ class Case:
         return {**self.arm.settings, **self.added}
 
     @property
-    def compiles(self) -> frozenset[tuple[str, ...]]:
+    def compiles(self) -> frozenset[str]:
         """What machine code the case needs that others need too: its engine's, and that of the truth.
 
         Energy is the study that asks for no truth.
         """
-        walls = "ideal"
-        if rooms := self.scene.clearances.values():
-            walls = "rigid" if all(room.law == "rigid" for room in rooms) else "compliant"
+        loop = "reference, with contacts" if self.scene.joints_with_clearance else "reference"
         engines = (self.engine,) if self.study == "energy" else (self.engine, "reference", "scipy")
-        return frozenset((engine, walls) for engine in engines)
+        return frozenset(loop if engine == "reference" else engine for engine in engines)
 
     @property
     def key(self) -> str:

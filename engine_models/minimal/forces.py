@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from engine_models.engine import Contact, FloatArray, Trajectory, UnsupportedScene
+from engine_models.engine import Contact, FloatArray, UnsupportedScene
 from engine_models.mechanics.loads import force_on_pin
 from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
@@ -165,30 +165,6 @@ class Forces(Numbers):
             states,
         )
 
-    def total(self, run: Trajectory) -> FloatArray:
-        """Return forces and torques on the bodies in a run, reactions among them, (n, bodies, 3)."""
-        acting = self.act(run.time_s, run.position, run.velocity, run.contacts).on_bodies
-        rows = [run.joint_force_N[pin.name] for pin in self.of.ideal]
-        for guide in self.of.guides:
-            rows.append(run.guide_force_N[guide.name][:, None])
-            if not guide.turns:
-                moment = run.guide_moment_N_m.get(guide.name, np.zeros(len(acting)))
-                rows.append(moment[:, None])
-        if self.of.drive.prescribes:
-            assert run.driver_torque_N_m is not None
-            rows.append(run.driver_torque_N_m[:, None])
-        multipliers = np.concatenate([np.zeros((len(acting), 0)), *rows], axis=1)
-        by_rows = np.einsum("nm,nmk->nk", multipliers, self.unit_reactions(run.position))
-        return np.asarray(acting + by_rows.reshape(acting.shape))
-
-    def unit_reactions(self, position: FloatArray) -> FloatArray:
-        """Return B (n, m, 3b): what the unit of each reaction puts on the bodies in positions (n, bodies, 3).
-
-        They are two of each ideal joint, one across each guide, followed by its moment where it has one, and
-        that of a drive that prescribes a motion.
-        """
-        return self.rows_at(_flat(position))[1]
-
     def reactions(
         self,
         time_s: FloatArray,
@@ -202,7 +178,7 @@ class Forces(Numbers):
         ``contacts`` has what the joints with clearance do then.
         """
         acting = self.act(time_s, position, velocity, contacts)
-        B, masses = self.unit_reactions(position), self.masses.ravel()
+        B, masses = self.rows_at(_flat(position))[1], self.masses.ravel()
         missing = _flat(acceleration) - _flat(acting.on_bodies) / masses
         multipliers = solve_systems(B / masses @ B.swapaxes(1, 2), B @ missing[..., None])
         return self.named(multipliers, contacts, acting.parts.get("driver"))
@@ -213,7 +189,7 @@ class Forces(Numbers):
         contacts: Mapping[str, Contact | ContactStates],
         torque: FloatArray | None,
     ) -> Reactions:
-        """Return multipliers (n, m) in the order of ``unit_reactions`` by name, beside what contacts do.
+        """Return multipliers (n, m) in the order of the rows by name, beside what contacts do.
 
         ``torque`` (n,) is that of a drive that prescribes no motion.
         """

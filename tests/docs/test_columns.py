@@ -28,7 +28,7 @@ PAGE = "docs/columns.md"
 OF_THE_FULL_SET = {
     "crank_angle_{error,uncertainty,scale,model_difference}_rad",
     "crank_speed_{error,uncertainty,scale,model_difference}_rad_s",
-    *("compiled_anew", "compile_time_s", "slider_{force,viscous,spring,gas}_work_J", "direction"),
+    *("slider_{force,viscous,spring,gas}_work_J", "direction"),
     *("contact_{O,A,B}_friction_force_N", "radial_clearance_m", "crank_speed_rpm"),
 }
 PUBLISHED = ROOT / "reports/published/results"

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 import crankslider as cs
-from crankslider import library
 
 #: As what mypy lets be called with anything.
 lib: Any = cs
@@ -26,16 +25,6 @@ def test_numbers_and_arrays_of_numpy_are_pythons_own(tmp_path: Path) -> None:
     drive = {"kind": "table", "time_s": np.linspace(0, 1, 5), "angle_rad": np.arange(5)}
     table = LOOSE.replace({"drive": drive, "start.crank_speed_rad_s": np.int64(4)}).drive
     assert table.model_dump()["angle_rad"] == (0.0, 1.0, 2.0, 3.0, 4.0)
-
-
-def test_a_bug_inside_is_not_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object) -> None:
-        raise TypeError("ours")
-
-    monkeypatch.setattr(library, "plain", broken)
-    monkeypatch.setattr(library, "RunSettings", broken)
-    with pytest.raises(TypeError, match="ours"):
-        cs.simulate("ideal-free")
 
 
 def test_a_run_in_doubt_warns_of_the_line_that_calls_and_one_that_breaks_down_says_when() -> None:
