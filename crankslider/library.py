@@ -146,7 +146,7 @@ def simulate(
     """
     from engine_models.convergence.doubts import doubts  # loads the compiler, which takes a second
     from engine_models.convergence.step_halving import simulate_to_tolerance
-    from engine_models.kernels import FolderRefused
+    from reference_solver.kept_files import FolderRefused
 
     physics = read_scene(scene, end=end)
     chosen = read_engine(engine, settings or {}, tolerance is not None)
@@ -427,7 +427,7 @@ def compare_baselines(
 @contextmanager
 def _workers(jobs: int | None = None, scheduler: str | None = None) -> Iterator[Any]:
     """Give workers that run cases: processes here, or a cluster; machine code is kept for them."""
-    from engine_models.kernels import FolderRefused, writable_folder
+    from reference_solver.kept_files import FolderRefused, writable_folder
     from studies.cluster import Cluster
     from studies.workers import Pool
 

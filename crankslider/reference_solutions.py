@@ -16,11 +16,11 @@ import pandas as pd
 from crankslider.run import TrueRun
 from engine_models.convergence.doubts import doubts_of_tables
 from engine_models.engine import Engine, Impacts, SimulationFailed, UnsupportedScene
-from engine_models.kernels import FolderRefused
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
+from reference_solver.kept_files import FolderRefused
 from studies.failures import BadInput, Failed
 from studies.judges.converged_truth import INDEPENDENT, TRUE, converged, followed, solved, truth_by
 from studies.judges.metrics import COVERAGE

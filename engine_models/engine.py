@@ -248,8 +248,6 @@ class Engine(ABC):
 
     #: Whether it builds a scene from ``scene.mechanism``: others are given crank-sliders and pendulums alone.
     any_mechanism: ClassVar[bool] = False
-    #: Whether it compiles for a scene what ``compile_time_s`` tells the time of.
-    compiles: ClassVar[bool] = False
 
     @abstractmethod
     def check(self, scene: Scene) -> None:
@@ -313,10 +311,6 @@ class Engine(ABC):
         """
         run = self.simulate(scene, settings)
         return BareRun(run.solve_time_s, run.position[-1])
-
-    def compile_time_s(self, scene: Scene, settings: RunSettings) -> float:  # noqa: ARG002
-        """Return what compiling for a run takes where there is nothing compiled yet, in s."""
-        return 0.0
 
 
 def require_finite(trajectory: Trajectory) -> Trajectory:

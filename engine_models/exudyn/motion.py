@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray
 from engine_models.exudyn.tree import AXES, Branch
-from engine_models.kernels import compiled
 from engine_models.minimal import equations as eq
+from reference_solver.machine_code import compiled
 
 entry = compiled(error_model="numpy")
 #: Columns of a link; its body is -1 without one.

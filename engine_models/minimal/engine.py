@@ -7,8 +7,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as settings_class
 
-from engine_models.engine import SETTINGS_CONFIG, BareRun, RunSettings, Trajectory, UnsupportedScene
-from engine_models.kernels import CompiledEngine
+from engine_models.engine import SETTINGS_CONFIG, BareRun, Engine, RunSettings, Trajectory, UnsupportedScene
 from engine_models.memory import require_memory
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Model, damping_of, wall_of
@@ -24,7 +23,7 @@ LOOKS = 1000
 
 
 @settings_class(frozen=True, config=SETTINGS_CONFIG)
-class ScipyEngine(CompiledEngine):
+class ScipyEngine(Engine):
     """Settings of SciPy's integrators: the ``method``; ``rtol`` and ``atol``, the tolerances of a step.
 
     It integrates Newton's equations in minimal coordinates (see ``equations``) by the classes of

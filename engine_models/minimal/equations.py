@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from engine_models.kernels import compiled
+from reference_solver.machine_code import compiled
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -14,12 +14,12 @@ from pydantic.dataclasses import dataclass
 from engine_models.engine import (
     SETTINGS_CONFIG,
     BareRun,
+    Engine,
     RunSettings,
     Trajectory,
     UnsupportedScene,
     require_finite,
 )
-from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.start import checked_start, unwound
 from engine_models.memory import require_memory
 from engine_models.minimal.forces import require_family
@@ -36,7 +36,7 @@ Count = Annotated[int, Field(gt=0, lt=2**31)]
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
-class PymunkEngine(CompiledEngine):
+class PymunkEngine(Engine):
     """Settings of the Pymunk model; the defaults are its best practice.
 
     ``iterations`` is the number of Gauss-Seidel sweeps over joints and contacts in a step; without one there

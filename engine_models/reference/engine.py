@@ -9,13 +9,13 @@ from pydantic.dataclasses import dataclass
 
 from engine_models.engine import (
     SETTINGS_CONFIG,
+    Engine,
     EngineFailed,
     RunSettings,
     Trajectory,
     UnsupportedScene,
     require_finite,
 )
-from engine_models.kernels import CompiledEngine
 from engine_models.mechanics.start import unwound
 from engine_models.memory import require_memory
 from engine_models.pace import MOST_STEPS
@@ -38,7 +38,7 @@ SHARPEST, LOOSE = 1e-14, 1e-6
 
 
 @dataclass(frozen=True, config=SETTINGS_CONFIG)
-class ReferenceEngine(CompiledEngine):
+class ReferenceEngine(Engine):
     """Settings of the reference solver.
 
     ``stabilisation`` holds drift back, by projection after every step or by Baumgarte's terms. Their gains in

@@ -12,8 +12,8 @@ from typing import Protocol, TypeVar
 from llvmlite.binding import get_host_cpu_name
 
 from engine_models.engine import RunSettings, Trajectory
-from engine_models.kernels import read_kept, write_kept
 from engine_models.scene.scene import Scene
+from reference_solver.kept_files import read_kept, write_kept
 from studies.case import project_code, versions
 
 Kept = TypeVar("Kept")
