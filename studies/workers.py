@@ -182,32 +182,32 @@ class Pool:
         Raises:
             Exception: what a call raised other than ``Ended``.
         """
-        waiting, compiled, changed = deque(items), set[Any](), Condition()
-        compiling: Counter[Any] = Counter()
-        count = len(waiting)
+        waiting = deque((item, item.compiles) for item in items)
+        count, compiling, compiled, changed = len(waiting), Counter[Any](), set[Any](), Condition()
         done: SimpleQueue[tuple[Any, Any]] = SimpleQueue()
 
         def take() -> Any:
-            """Return an item that compiles nothing that another one does now, None when all are taken."""
+            """Return what compiles nothing that another one does now, None when all are taken."""
             with changed:
                 while waiting:
-                    for item in waiting:
-                        if not any(compiling[part] for part in item.compiles - compiled):
-                            compiling.update(item.compiles)
-                            waiting.remove(item)
-                            return item
+                    for item, parts in waiting:
+                        if not any(compiling[part] for part in parts - compiled):
+                            compiling.update(parts)
+                            waiting.remove((item, parts))
+                            return item, parts
                     changed.wait()
             return None
 
         def work(worker: Worker) -> None:
-            while (item := take()) is not None:
+            while (taken := take()) is not None:
+                item, parts = taken
                 try:
                     result: Any = worker.run(call, item, limit_s=item.limit_s)
                 except BaseException as error:
                     result = error
                 with changed:
-                    compiling.subtract(item.compiles)
-                    compiled.update(item.compiles)
+                    compiling.subtract(parts)
+                    compiled.update(parts)
                     changed.notify_all()
                 done.put((item, result))
 

@@ -97,6 +97,7 @@ class Deadly:
     """What ends the process that reads it."""
 
     limit_s = 60.0
+    compiles = frozenset[str]()
 
     def __reduce__(self) -> tuple[object, tuple[int]]:
         return os._exit, (4,)
