@@ -52,6 +52,8 @@ Tell = Callable[[float], None]
 
 #: Largest violation of the constraints accepted at t = 0 in m and rad, and, per unit of speed, in velocity.
 START_TOLERANCE = 1e-9
+#: Positions and speeds in m, rad and s whose squares would still be numbers are below this.
+LARGEST = 1e100
 #: Fewer steps do not follow a contact.
 FEWEST_STEPS_PER_CONTACT = 10.0
 #: Evaluations of {A} times coordinates per call of the loop: a fraction of a second, to answer an interrupt.
@@ -304,7 +306,7 @@ class Solver:
                 raise failures.Stalled(begin, chunk)
             if status == DONE and state["end"] < end_time_s:
                 state["end"], status = next(landings), SPENT
-        if not (np.isfinite(run.q).all() and np.isfinite(run.v).all()):
+        if not max(np.abs(run.q).max(), np.abs(run.v).max()) < LARGEST:  # squares of more are no numbers
             raise failures.NonFiniteState(end_time_s, float(state["longest"]))
         solution = self._solution(run, np.concatenate(events), impacts, took)
         scales = Scales(float(state["length"]), float(state["rate"]))
@@ -347,7 +349,7 @@ class Solver:
                 equations.required(t, q, v, phases)
                 raise failures.StepsCollapsed(t, h)
             after = step(self._method, answer, project if self._projected else None, t, q, v, h)
-        if np.isfinite(after.q).all() and np.isfinite(after.v).all() and not after.ok:
+        if np.isfinite(after.q).all() and np.isfinite(after.v).all():
             raise failures.NearSingular(t, h, float(after.condition))
         raise failures.NonFiniteState(t + h, h)
 

@@ -34,6 +34,8 @@ NO_MAIN_GUARD = 113
 BEGUN = b"begun"
 #: What keeps the current folder out of the path of a Python that starts, from 3.11 on.
 SAFE_PATH = "PYTHONSAFEPATH"
+#: Nothing is compiled for longer, in s: what takes so long runs, or hangs.
+PATIENCE_S = 60.0
 #: Of the last line that a process said, so many characters are told.
 SHOWN_WORDS = 200
 #: Held while a child begins or ends: two threads at once would take each other's exit codes.
@@ -195,7 +197,8 @@ class Pool:
                             compiling.update(parts)
                             waiting.remove((item, parts))
                             return item, parts
-                    changed.wait()
+                    if not changed.wait(PATIENCE_S):
+                        compiled.update(compiling)
             return None
 
         def work(worker: Worker) -> None:

@@ -15,22 +15,23 @@ ALLOWED = {
     "engine_models/engine.py": set(),
     "engine_models/scene": {"reference_solver"},  # a mechanism's data, curves of tables, and assembled starts
     "studies": {"engine_models"},
+    "studies/judges/run_cache.py": {"engine_models", "reference_solver"},  # files kept beside machine code
     "studies/conform.py": {"engine_models", "reports"},  # the rule by which an order is one
     "reports": {"engine_models", "studies"},  # words of refusals, names of configurations, rows
-    "crankslider": {"engine_models", "reports", "studies"},
+    "crankslider": {"engine_models", "reference_solver", "reports", "studies"},
 }
 #: What the independent solver may import of all packages: the physics as data, and the form of answers.
 #: Machine code is compiled and kept where all is, which decides no number.
 OF_MINIMAL = (
     "engine_models.scene.",
     "engine_models.engine.",
-    "engine_models.kernels.",
     "engine_models.mechanics.impacts.",
     "engine_models.mechanics.states.",
     "engine_models.memory.",
     "engine_models.minimal.",
     "engine_models.pace.",
     "engine_models.progress.",
+    "reference_solver.machine_code.compiled.",
     "reference_solver.mechanism.data.",
 )
 FILES = [

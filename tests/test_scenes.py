@@ -21,6 +21,7 @@ OWN = {
     "engines/test_pymunk.py": "one body, for what Chipmunk does with an impulse",
     "helpers/chains.py": "chains as long as kernels have to be",
     "helpers/crank_sliders.py": "a crank that is held, a pendulum: closed forms",
+    "helpers/random_mechanisms.py": "mechanisms that a seed draws",
     "helpers/singular.py": "singular positions, of every kind",
     "solver/": "the solver takes mechanisms, which closed forms are of",
     "studies/command/test_outputs.py": "a mechanism with every output",

@@ -1,5 +1,6 @@
 """What in a scene does not fit together: unknown names, parts at odds, short tables."""
 
+import math
 from collections.abc import Mapping
 
 from engine_models.scene.format import (
@@ -11,7 +12,7 @@ from engine_models.scene.format import (
     require,
     require_known,
 )
-from engine_models.scene.mechanism import levers_m, mechanism_data, pins_of
+from engine_models.scene.mechanism import levers_m, mechanism_data, pins_of, point_of
 from engine_models.scene.plain_words import one_of, shown, unknown
 
 #: A table may end before its scene by rounding.
@@ -181,7 +182,9 @@ def _check_pins_alone(scene: Sections, pins: Mapping[str, list[str]]) -> None:
 
 def _check_sizes(scene: Sections) -> None:
     """Refuse clearances larger than the mechanism, whose units are others."""
-    longest = max(levers_m(mechanism_data(scene)))
+    places = [[point_of(scene, name, pin) for pin in body.pins_m] for name, body in scene.body.items()]
+    between = [math.dist(a, b) for own in places for a in own for b in own]
+    longest = max(*levers_m(mechanism_data(scene)), *between)
     for name, room in scene.clearance.items():
         expected = f"a number < {longest:g}, the largest distance between two joints of a body"
         c = room.radial_clearance_m

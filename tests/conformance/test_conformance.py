@@ -18,11 +18,12 @@ def engine_of(engine: str) -> Engine:
     return make_engine("reference", method="dop853") if engine == CONTROLLED else make_engine(engine)
 
 
-def test_every_engine_runs_all_scenes_but_rigid_walls_in_exudyn_and_a_slot_in_pymunk() -> None:
+def test_every_engine_runs_all_scenes_but_what_its_model_lacks() -> None:
     left_out = {engine: {*NAMES} - {*scenes_of(engine_of(engine))} for engine in BOTH}
     assert {engine: names for engine, names in left_out.items() if names} == {
         "exudyn": {*RIGID_SCENES},
         "pymunk": {"scotch-yoke"},
+        "scipy": {"rigid-driven-damped"},
     }
 
 

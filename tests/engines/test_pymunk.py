@@ -96,7 +96,7 @@ def test_a_scenes_own_sweeps_leave_nothing_to_gain_and_ten_of_these_masses(
 ) -> None:
     of = weighed(of, rod, slider)
     true = exact(of, SAMPLES)
-    own, many = (off(run(of, 4800, PymunkEngine(iterations=n)), true) for n in (None, 2000))
+    own, many = (off(run(of, 4800, PymunkEngine(iterations=n)), true) for n in (None, 2_000))
     assert own < 1.1 * many, (own, many)
     if rod == slider == 1:
         assert off(run(of, 4800, PymunkEngine(iterations=10)), true) < 1.1 * many
