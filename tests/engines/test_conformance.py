@@ -229,8 +229,8 @@ def test_a_run_repeats_itself_and_samples_change_nothing(name: str, case: str) -
     half = numbers(fresh(name, scene(case), 2 * steps, SAMPLES // 2))
     for key, value in first.items():
         assert np.array_equal(value, again[key]), key
-        # Steps end where samples do, to a rounding, which contacts magnify (measured 2.7e-10).
-        slack = 1e-9 if ENGINES[name].order else 1e-8
+        # Pymunk's forces are differences of speeds, over the step: they magnify roundings (measured 1e-9).
+        slack = 1e-11 if ENGINES[name].order and name != "pymunk" else 1e-8
         np.testing.assert_allclose(
             half[key], value[::2], rtol=0, atol=slack * np.abs(value).max(), err_msg=key
         )
