@@ -160,7 +160,8 @@ def _series(scene: Scene) -> Series:
 def _added(scene: Scene, arm: Arm) -> dict[str, Setting]:
     """Return what the studies set beside the step."""
     if arm in (arms.TUNED, arms.SHORTER_IN_CONTACT):
-        return {"iterations": SWEEPS_DRIVEN if scene.speed_is_prescribed else SWEEPS}
+        driven = arm == arms.TUNED and scene.speed_is_prescribed
+        return {"iterations": SWEEPS_DRIVEN if driven else SWEEPS}
     if arm in (arms.LOCATED, arms.LOCATED_ALONE) and not _between_rigid_walls(scene):
         return {"steps_per_contact": 50.0}  # as much error there as its steps leave in flight
     return {}

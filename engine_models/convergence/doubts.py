@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine_models.convergence.own_uncertainty import DOUBTFUL_PART, doubtful_from_s
-from engine_models.engine import Engine, SimulationFailed, Trajectory
+from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.quality import quality_of
-from engine_models.mechanics.states import observed_in_words
+from engine_models.mechanics.states import lever_m, observed_in_words, observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.curves import curve_of
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
 
 #: A spline is warned of where it leaves its table's values by more than this part of their range.
 OVERSHOOT = 0.03
+#: A slider is in doubt where it may be off by more than this part of the smallest clearance, or the crank.
+DOUBTFUL_PART = 0.01
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,27 @@ def doubts_of_tables(scene: Scene) -> list[str]:
                 f"{name}: the spline goes {spans}, {own} ({100 * OVERSHOOT:g} % goes unsaid): {advice}"
             )
     return lines
+
+
+def doubtful_from_s(engine: ReferenceEngine, scene: Scene, run: Trajectory) -> float | None:
+    """Return from when on the slider of the reference's run may be off by 1 % of the smallest clearance.
+
+    Without clearance it is 1 % of the crank. That is where a run at half the step, and twice the steps per
+    contact, or at a hundredth of the tolerance, is half so far away; None where it never is.
+
+    Raises:
+        SimulationFailed: that run fails.
+    """
+    settings = RunSettings(run.step_s if engine.controls_error else run.step_s / 2, len(run.time_s) - 1)
+    finer = engine.finer().simulate(scene, settings)
+    far = np.abs(observed_m(scene, run) - observed_m(scene, finer)) > DOUBTFUL_PART * measure_m(scene) / 2
+    return float(run.time_s[np.argmax(far)]) if far.any() else None
+
+
+def measure_m(scene: Scene) -> float:
+    """Return the smallest radial clearance, or without any the longest lever, the crank of a crank-slider."""
+    radial = (clearance.radial_clearance_m for clearance in scene.clearances.values())
+    return min(radial, default=lever_m(scene))
 
 
 def doubts(engine: Engine, scene: Scene, run: Trajectory, to_tolerance: bool) -> list[str]:

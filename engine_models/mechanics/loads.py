@@ -26,7 +26,7 @@ from reference_solver.mechanism.data import (
     Spring,
     Torque,
 )
-from reference_solver.mechanism.motor import motor_torque
+from reference_solver.mechanism.loads import motor_torque_N_m
 
 #: The field of a load that makes each of its parts, in the order of ``building.loads_of``.
 FIELDS = {
@@ -117,7 +117,7 @@ def drive_torque(drive: DriveData, time_s: FloatArray, velocity: FloatArray) -> 
     if isinstance(law, Motor):
         if law.table is not None:
             return np.asarray(curve_of(law.table)(np.clip(speed, law.table.x[0], law.table.x[-1])))
-        return np.asarray(motor_torque(law, speed))
+        return np.asarray(motor_torque_N_m(law, speed))
     return None
 
 

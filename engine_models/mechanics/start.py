@@ -1,4 +1,4 @@
-"""The start of a run: where bodies are, and how fast; begun later; checked, and without its whole turns."""
+"""The start of a run: where bodies are, and how fast; checked, and without its whole turns."""
 
 import math
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from engine_models.engine import FloatArray, ImpossibleStart, Trajectory
 from engine_models.mechanics.states import pin_gap
-from engine_models.scene.format import BodyState
 from engine_models.scene.scene import Scene
 from engine_models.scene.start import held_at_start
 from reference_solver.mechanism.contact_laws import damping_factor_of
@@ -34,33 +33,6 @@ def start_angle(scene: Scene) -> tuple[str, float]:
     if name not in scene.start.angle_rad or name not in held_at_start(scene)[0]:
         raise ValueError(f"expected a start that tells {path} and holds it, got another")
     return path, scene.start.angle_rad[name]
-
-
-def started_from(
-    scene: Scene,
-    position: FloatArray,
-    velocity: FloatArray,
-    time_s: float = 0.0,
-    end_time_s: float | None = None,
-) -> Scene:
-    """Return the scene begun at the positions and velocities, each (bodies, 3), of a time of its own.
-
-    It is as long as before, or ``end_time_s``.
-    """
-    keys, bodies = BodyState.model_fields, zip(position.tolist(), velocity.tolist(), strict=True)
-    states = [dict(zip(keys, [*x, *v], strict=True)) for x, v in bodies]
-    start: dict[str, object] = dict(zip(scene.mechanism.names, states, strict=True))
-    own_speed = not scene.speed_is_prescribed or scene.drive.kind == "table"  # others' is the drive's
-    if scene.speed_is_prescribed or not scene.is_plain:  # tables of loads go by the clock too
-        start["time_s"] = scene.clock_s + time_s
-    if scene.is_short:
-        start["crank_angle_rad"] = float(position[0, 2])
-        if own_speed:
-            start |= {"crank_speed_rad_s": float(velocity[0, 2]), "speed_m_s": None}
-        start = {**scene.as_written()["start"], **start}
-    elif not own_speed:
-        start |= {key: dict(getattr(scene.start, key)) for key in ("speed_rad_s", "speed_m_s")}
-    return scene.replace({"start": start, "end_time_s": end_time_s or scene.end_time_s})
 
 
 def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:

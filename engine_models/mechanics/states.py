@@ -28,12 +28,10 @@ class PointMotion:
 
 @dataclass(frozen=True)
 class JointGap:
-    """``gap_m`` (n, 2) is from the bearing's centre to the pin's; spins (n,) are those of the two bodies."""
+    """``gap_m`` (n, 2) is from the bearing's centre to the pin's."""
 
     gap_m: FloatArray
     rate_m_s: FloatArray
-    pin_spin_rad_s: FloatArray
-    bearing_spin_rad_s: FloatArray
 
 
 def point_motion(body: int, point: Point, position: FloatArray, velocity: FloatArray) -> PointMotion:
@@ -55,7 +53,7 @@ def pin_gap(pin: Pin, position: FloatArray, velocity: FloatArray) -> JointGap:
     ends = (pin.body_i, pin.point_i), (pin.body_j, pin.point_j)
     bearing, own = (point_motion(*end, position, velocity) for end in ends[:: -1 if pin.bearing_on_j else 1])
     gap, rate = own.place_m - bearing.place_m, own.rate_m_s - bearing.rate_m_s
-    return JointGap(gap, rate, own.spin_rad_s, bearing.spin_rad_s)
+    return JointGap(gap, rate)
 
 
 def way(line: Line, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -99,21 +99,6 @@ def _parted(found: Solution, tolerance_m: float) -> SimulationFailed:
     )
 
 
-def sharp_solution(scene: Scene, samples: int) -> Solution:
-    """Return the solution by two methods at steps near round-off, whether they agree or not.
-
-    Raises:
-        UnsupportedScene, SimulationFailed: as the reference does.
-    """
-    sharp, step = 10 * SHARPEST, _usual_step_s(scene) / LARGEST_CUT
-    run, sharpest = (_by_control("dop853", scene, samples, each) for each in (sharp, SHARPEST))
-    try:
-        other = _by_rk4(scene, samples, step)
-    except SimulationFailed:
-        other = _by_control("dopri5", scene, samples, LESS_SHARP * sharp)
-    return Solution(scene, run, (sharpest, other))
-
-
 def _usual_step_s(scene: Scene) -> float:
     """Return a step of RK4 in which the mechanism turns by as much as steps per contact are given for."""
     return TURN_OF_STEP_RAD / rate_s(scene)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from reference_solver.mechanism import motor
+from reference_solver.mechanism.data import Motor
 from reference_solver.mechanism.mechanism import (
     GROUND,
     AlongLine,
@@ -36,10 +36,15 @@ def torque(load: Torque, state: State, stored: bool) -> Forces:  # noqa: ARG001
     return {load.body: array([0.0, 0.0, load.torque_N_m])}
 
 
+def motor_torque_N_m(motor: Motor | MotorTorque, speed_rad_s: Scalar) -> Scalar:
+    """Return the torque of a motor that is linear in its speed, at one or at an array of speeds."""
+    return motor.stall_torque_N_m * (1.0 - speed_rad_s / motor.no_load_speed_rad_s)
+
+
 def motor_torque(load: MotorTorque, state: State, stored: bool) -> Forces:
     """Return a torque that is linear in the speed."""
     speed = state.velocity(load.body)[2]
-    return {} if stored else {load.body: array([0.0, 0.0, motor.motor_torque(load, speed)])}
+    return {} if stored else turning(load.body, motor_torque_N_m(load, speed))
 
 
 def turning_damper(load: TurningDamper, state: State, stored: bool) -> Forces:

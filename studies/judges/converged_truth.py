@@ -214,15 +214,6 @@ def true_at(scene: Scene, run: RunSettings) -> Trajectory:
     return _solved(scene, run).truth
 
 
-def cross_check(scene: Scene, samples: int) -> Trajectory:
-    """Return the reference's sharpest run of a scene.
-
-    Raises:
-        UnsupportedScene, SimulationFailed: as ``simulate`` does.
-    """
-    return kept_run(SHARP, scene, RunSettings(scene.end_time_s, samples))
-
-
 @lru_cache(maxsize=64)
 def followed(scene: Scene, samples: int) -> int:
     """Return how many samples of the true trajectory come before the scene's horizon.

@@ -10,9 +10,10 @@ import pytest
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.engines import engine_class, make_engine
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
-from engine_models.mechanics.start import start_state, started_from
+from engine_models.mechanics.start import start_state
 from studies.judges.metrics import constraint_violation_m
 from tests.engines.runs import SAMPLES, engine, errors, fresh, impact_numbers, numbers, run, true_solution
+from tests.helpers.starts import started_from
 from tests.scenes import NAMES, scene
 
 SMOOTH = ("free", "clocked", "tabled", "everything", "bead", "yoke")

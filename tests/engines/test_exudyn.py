@@ -22,7 +22,7 @@ from engine_models.exudyn.engine import ExudynEngine
 from engine_models.exudyn.model import Model
 from engine_models.exudyn.solver import silence
 from engine_models.mechanics.energy import energy_balance_residual_J
-from engine_models.mechanics.start import start_state, started_from
+from engine_models.mechanics.start import start_state
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.format import Clearance, Friction
@@ -32,6 +32,7 @@ from studies.judges.metrics import errors as crank_slider_errors
 from tests.engines.mechanism_texts import V_TWIN
 from tests.engines.mechanism_texts import scene as mechanism
 from tests.engines.runs import errors, largest_of_kind
+from tests.helpers.starts import started_from
 from tests.scenes import scene
 
 FREE, DRIVEN = SCENES["clearance-free-0.5mm"](), SCENES["clearance-driven-0.5mm"]()

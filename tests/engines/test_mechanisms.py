@@ -8,7 +8,7 @@ import pytest
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
-from engine_models.mechanics.start import start_state, started_from
+from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import lever_m, observed
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.inspection import inspect
@@ -27,6 +27,7 @@ from tests.engines.mechanism_texts import (
     scene,
 )
 from tests.engines.runs import run
+from tests.helpers.starts import started_from
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
 DOP853 = "reference method=dop853 step_tolerance=1e-12"

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from engine_models import memory
-from engine_models.convergence.own_uncertainty import simulate_with_uncertainty
 from engine_models.convergence.step_halving import FEWEST_SAMPLES, simulate_to_tolerance
 from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.engines import ENGINES, make_engine
@@ -15,12 +14,11 @@ from engine_models.minimal import run as minimal_runs
 from engine_models.progress import told_to
 from engine_models.reference import run as reference_runs
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene
 from tests.engines.mechanism_texts import TEXTS
 from tests.engines.mechanism_texts import scene as mechanism
 from tests.engines.runs import engine as made
 from tests.engines.runs import true_solution
-from tests.helpers.arrays import arrays, joint_forces
+from tests.helpers.arrays import arrays
 from tests.helpers.command import crankslider
 from tests.scenes import scene
 from tests.studies.truth.closed_forms.crank_slider import exact
@@ -158,34 +156,3 @@ def test_a_tolerance_below_round_off_is_refused(tolerance_m: float) -> None:
     of = SCENES["ideal-free"]().replace("end_time_s", 0.01)
     with pytest.raises(SimulationFailed, match=f"not known to {tolerance_m:g} m: two methods part at t"):
         simulate_to_tolerance(make_engine("reference"), of, tolerance_m, 100)
-
-
-#: Settings and longest step at which an engine's error is above round-off, and falls no faster than at order
-#: 4: scipy's is set by its tolerance, in steps below these.
-COARSE: dict[str, tuple[dict[str, object], float]] = {
-    "scipy": ({"method": "LSODA", "rtol": 1e-6, "atol": 1e-8}, 5e-3)
-}
-
-
-def covers(uncertainty: Any, error: Any) -> bool:
-    """Return whether an uncertainty is the error, but for what the truth and the sharp run are off by."""
-    return bool(0.95 < np.max(uncertainty) / np.abs(error).max() < 1.25)
-
-
-@each
-@pytest.mark.parametrize("name", ["ideal-free", "ideal-torque"])
-def test_the_uncertainty_covers_the_true_error_of_an_ideal_scene(name: str, engine: str) -> None:
-    of = SCENES[name]().replace("end_time_s", 0.1)
-    settings, step = COARSE.get(engine, ({}, 2e-4))
-    run, told = simulate_with_uncertainty(make_engine(engine, **settings), of, RunSettings(step, 20))
-    true = exact(of, 20)
-    of_forces = np.stack([told[f"joint_{joint}_force_N"] for joint in of.joints])
-    assert covers(told["slider_position_m"], (run.position - true.position)[:, -1, 0])
-    assert covers(of_forces, joint_forces(run) - joint_forces(true))
-
-
-def test_the_uncertainty_covers_the_true_error_with_clearance() -> None:
-    of: Scene = SCENES["clearance-driven-0.1mm"]().replace("end_time_s", 0.002)
-    run, told = simulate_with_uncertainty(make_engine("reference"), of, RunSettings(1e-5, 20))
-    assert covers(told["slider_position_m"], (run.position - true_solution(of).position)[:, -1, 0])
-    assert told["contact_B_normal_force_N"].shape == ()

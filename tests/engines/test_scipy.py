@@ -12,11 +12,12 @@ from engine_models.engine import (
     Trajectory,
     UnsupportedScene,
 )
-from engine_models.mechanics.start import start_state, started_from
+from engine_models.mechanics.start import start_state
 from engine_models.minimal.engine import ScipyEngine
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.scene import Scene
+from tests.helpers.starts import started_from
 
 SAMPLES, SLIDER = 20, 2
 FREE = SCENES["ideal-free"]()

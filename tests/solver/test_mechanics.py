@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from engine_models import arms
-from engine_models.engine import RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import RunSettings
 from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.motion import integral
 from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.mechanics.loads import load_forces
 from engine_models.pymunk.native_contact import rigid_twin
-from engine_models.reference import two_methods
 from engine_models.scene.format import Clearance
 from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.short import CrankLoad
@@ -61,18 +60,6 @@ def test_a_step_is_never_longer_than_asked_for_nor_halved_for_round_off() -> Non
     settings = RunSettings(0.3, 1)
     assert (settings.steps_per_sample(1.0), settings.step_used_s(1.0)) == (4, 0.25)
     assert [RunSettings(step, 1).steps_per_sample(2.1) for step in (0.7, 0.6999)] == [3, 4]
-
-
-def test_two_methods_are_two(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[object, ...]] = []
-
-    def no_rk4(*_: object) -> Trajectory:
-        raise SimulationFailed("none")
-
-    monkeypatch.setattr(two_methods, "_by_rk4", no_rk4)
-    monkeypatch.setattr(two_methods, "_by_control", lambda method, *_: asked.append((method, _[-1])))
-    two_methods.sharp_solution(ideal_driven(), 4)
-    assert asked == [("dop853", 1e-13), ("dop853", 1e-14), ("dopri5", 1e-12)]
 
 
 def test_arms_set_what_their_names_say() -> None:

@@ -5,12 +5,13 @@ import pytest
 
 from engine_models.arms import Arm
 from engine_models.engine import RunSettings
-from engine_models.mechanics.start import start_state, started_from
+from engine_models.mechanics.start import start_state
 from engine_models.scene.library import CLEARANCE_SCENES
 from engine_models.scene.scene import Scene
 from studies import accuracy, cost, settings
 from studies.case import Case, run_case
 from studies.judges.converged_truth import REFERENCE, truth_by
+from tests.helpers.starts import started_from
 
 #: The first two impacts of set R and some flight.
 END_S, SAMPLES = 0.0007, 28

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
-from engine_models.mechanics.start import started_from
 from engine_models.minimal import model
 from engine_models.minimal.model import LimitPosition
 from engine_models.scene.format import SceneError
@@ -14,6 +13,7 @@ from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import REFERENCE, TRUE, converged, truth_by
 from tests.engines.mechanism_texts import FOUR_BAR, four_bars, scene
+from tests.helpers.starts import started_from
 
 
 @pytest.mark.parametrize("count", [1, 2])
