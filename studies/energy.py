@@ -1,7 +1,7 @@
 """Energy: what every engine makes or loses over long runs, where it goes, and how constraints drift.
 
-The quick set leaves out what SciPy with contacts takes longest for, Pymunk as it comes, and stabilisations
-that need a kernel of their own.
+The quick set leaves out what SciPy and Pymunk with contacts take longest for, Pymunk as it comes, and
+stabilisations that need a kernel of their own.
 """
 
 import math
@@ -120,7 +120,7 @@ def cases(full: bool) -> list[Case]:
 def _is_quick(case: Case) -> bool:
     loose = bool(case.scene.joints_with_clearance)
     left_out = (arms.OUT_OF_THE_BOX, arms.BAUMGARTE, arms.LOCATED_ALONE)
-    settings = 1 if loose and case.engine == "scipy" else QUICK_SETTINGS
+    settings = 1 if loose and case.engine in ("scipy", "pymunk") else QUICK_SETTINGS
     return case.arm not in left_out and int(str(case.columns["rung"])) < settings
 
 

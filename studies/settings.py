@@ -82,7 +82,7 @@ COMPLIANT: Series = {
     arms.WIDE_GAP: ((), range(4, 7)),
     arms.TRAPEZOIDAL: ((), range(5)),
     arms.AS_THE_SCENE: ((), range(5)),
-    arms.SHORTER_IN_CONTACT: ((1, 3), range(5)),
+    arms.SHORTER_IN_CONTACT: ((1, 2), range(5)),
     arms.NATIVE_CONTACT: ((), range(4)),
     arms.SCIPY_DOP853: ((8, 10, 12), range(6, 13)),
     arms.LSODA: ((), range(5, 13)),
