@@ -43,11 +43,15 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def at_middle(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows at the middle one of their scene's settings, numbered from coarse to fine."""
+    """Return the rows at the middle one of their scene's settings, numbered from coarse to fine.
+
+    Of a configuration that has none there it is the next coarser one.
+    """
     rows = prepared(rows)
     numbers = {scene: sorted(of.unique()) for scene, of in rows.groupby("scene")["rung"]}
     middle = {scene: each[len(each) // 2] for scene, each in numbers.items()}
-    return rows[rows["rung"] == rows["scene"].map(middle)]
+    rows = rows[rows["rung"] <= rows["scene"].map(middle)]
+    return rows[rows["rung"] == rows.groupby(["scene", "label"], observed=True)["rung"].transform("max")]
 
 
 def energy_parts(middle: pd.DataFrame) -> pd.DataFrame:

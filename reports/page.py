@@ -164,9 +164,10 @@ class Report:
 
     @property
     def answer(self) -> Iterator[str]:
-        """The first table in lines, and the claims of its chapter."""
-        for row in self.made[0].tables[0].cells().to_dict("records") if self.made else ():
-            yield "; ".join(f"{name}: {cell}" for name, cell in row.items() if cell != ABSENT)
+        """The shown tables of the answer in lines, and the claims of its chapter."""
+        for table in self.made[0].tables if self.made else ():
+            for row in table.cells().to_dict("records") if table.shown else ():
+                yield "; ".join(f"{name}: {cell}" for name, cell in row.items() if cell != ABSENT)
         yield from map(str, self.made[0].claims if self.made else ())
 
 
