@@ -43,15 +43,11 @@ def prepared(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def at_middle(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows at the middle one of their scene's settings, numbered from coarse to fine.
-
-    Of a configuration that has none there it is the next coarser one.
-    """
+    """Return the rows at the middle one of their scene's settings, numbered from coarse to fine."""
     rows = prepared(rows)
     numbers = {scene: sorted(of.unique()) for scene, of in rows.groupby("scene")["rung"]}
     middle = {scene: each[len(each) // 2] for scene, each in numbers.items()}
-    rows = rows[rows["rung"] <= rows["scene"].map(middle)]
-    return rows[rows["rung"] == rows.groupby(["scene", "label"], observed=True)["rung"].transform("max")]
+    return rows[rows["rung"] == rows["scene"].map(middle)]
 
 
 def energy_parts(middle: pd.DataFrame) -> pd.DataFrame:
