@@ -76,7 +76,7 @@ def motor(torque_N_m: float) -> dict[str, Any]:
 def test_a_damper_too_strong_for_the_step_is_a_failure_with_its_time() -> None:
     of = until(ideal_free(), 0.01, **motor(6000.0))
     with pytest.raises(SimulationFailed, match=r"^[^\n]* at t = \S+ s[^\n]*$"):
-        run(of, 200)
+        require_quality(of, run(of, 200))
     assert run(of, 40_000).velocity[-1, 0, 2] == pytest.approx(60.0, abs=0.1), "the speed without a load"
 
 
