@@ -10,7 +10,7 @@ from engine_models.engine import RunSettings
 from engine_models.exudyn.contact import native_law
 from engine_models.exudyn.motion import integral
 from engine_models.mechanics.energy import elastic_energy_J
-from engine_models.mechanics.loads import load_forces
+from engine_models.minimal.forces import Forces
 from engine_models.pymunk.native_contact import rigid_twin
 from engine_models.scene.format import Clearance
 from engine_models.scene.library import SCENES, ideal_driven
@@ -48,7 +48,7 @@ def test_a_spring_pulls_from_its_free_position() -> None:
     position = np.zeros((1, 3, 3))
     position[0, 2, 0] = 0.15
     scene = ideal_driven().model_copy(update={"load": load})
-    forces = load_forces(scene.mechanism, np.zeros(1), position, position)
+    forces = Forces(scene).act(np.zeros(1), position, position).parts
     assert forces["slider.spring"] == pytest.approx(-60.0)
 
 
