@@ -1,6 +1,5 @@
 """Tables and motions as functions, and crank-sliders whose loads or drives have kinks or change quickly."""
 
-
 import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss
