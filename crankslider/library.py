@@ -30,11 +30,11 @@ from engine_models.scene.format import NonNegative, Positive
 from engine_models.scene.library import ALL_SCENES
 from engine_models.scene.plain_words import (
     expect,
-    no_numbers,
+    fields,
     one_of,
     refusal,
+    setting,
     shown,
-    typed,
     unknown,
 )
 from engine_models.scene.scene import Scene
@@ -108,12 +108,12 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
         kind = engine_class(name)
     except ValueError as reason:
         raise BadInput(str(reason)) from None
-    if wrong := no_numbers(settings, kind):
-        raise BadInput(wrong)
     try:
-        engine: Engine = TypeAdapter(kind).validate_strings({key: typed(it) for key, it in settings.items()})
+        engine: Engine = TypeAdapter(kind).validate_strings(
+            {key: setting(it) for key, it in settings.items()}
+        )
     except ValidationError as error:
-        raise BadInput(refusal(error, kind)) from None
+        raise BadInput(refusal(error, settings, fields(kind))) from None
     if to_tolerance and "method" not in settings:
         given = {"step_tolerance": vars(engine)["step_tolerance"]} if "step_tolerance" in settings else {}
         engine = engine.controlling_error(**given)

@@ -25,7 +25,7 @@ from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES, END_S = 40, 0.016
 SPEED = ideal_driven().short.start.crank_speed_rad_s
-GAS = ideal_compressor().short.load.slider.gas  # type: ignore[union-attr]
+GAS = ideal_compressor().short.load["slider"].gas  # type: ignore[union-attr]
 #: Straight lines with kinks as large as the forces of a free crank.
 LINES = CrankGas(
     crank_angle_rad=(0.4, 1.5, 3.0, 4.2, 0.4 + 2 * np.pi),
@@ -43,7 +43,7 @@ JUMPS = CrankGas(
 def scene(speed: float, load: CrankLoad | None = None, **changes: object) -> Scene:
     """Return set R without clearance, begun at a speed, with another drive and a load."""
     start = ideal_driven().short.start.model_copy(update={"crank_speed_rad_s": speed})
-    new = {"start": start, "load": {"slider": load}, "end_time_s": END_S, **changes}
+    new = {"start": start, "load": {"slider": load} if load else {}, "end_time_s": END_S, **changes}
     return ideal_driven().model_copy(update=new)
 
 
