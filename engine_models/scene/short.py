@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from engine_models.scene.format import (
     Angle,
@@ -106,9 +106,9 @@ class CrankSlider(Top):
     slider: Slider | None = None
     start: Start
     drive: Drive
-    load: Named[CrankLoad] = {}
-    spring: Named[Spring] = {}
-    clearance: Named[Clearance] = {}
+    load: Named[CrankLoad] = Field({})
+    spring: Named[Spring] = Field({})
+    clearance: Named[Clearance] = Field({})
 
     @model_validator(mode="before")
     @classmethod
