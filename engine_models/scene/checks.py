@@ -53,10 +53,8 @@ def _check_names(scene: Sections, pins: Mapping[str, list[str]]) -> None:
         require_known("drive.guide", scene.drive.guide, scene.guide, "a guide")
     else:
         require_known("drive.body", scene.driven, scene.body, "a body")
-        holding = [
-            it for it in scene.guide.values() if (it.body, it.on, it.turns) == (scene.driven, "ground", False)
-        ]
-        turns = scene.drive.kind == "free" or not holding
+        guides = [guide for guide in scene.guide.values() if guide.body == scene.driven and not guide.turns]
+        turns = scene.drive.kind == "free" or all(guide.on != "ground" for guide in guides)
         require(turns, "drive.body", "a body that can turn, which no guide of the ground holds", scene.driven)
 
 
@@ -72,7 +70,7 @@ def _check_clearances(scene: Sections, pins: Mapping[str, list[str]]) -> None:
 
 
 def _check_observed(scene: Sections, pins: Mapping[str, list[str]]) -> None:
-    name, _, axis = scene.observe.rpartition(".")
+    axis = scene.observe.rpartition(".")[2]
     require(axis in AXES, "observe", f"a name and, after a dot, {one_of([*AXES])}", scene.observe)
     of_bodies = [pin for pin in pins if pins[pin] != ["ground"]]
     what, choices = {"angle": ("a body", scene.body), "along": ("a guide", scene.guide)}.get(

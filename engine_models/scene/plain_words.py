@@ -112,7 +112,7 @@ def typed(value: object) -> str:
 
 
 def setting(value: object) -> str:
-    """Return a value as it would be typed, in quotes if it is none but what Python takes for a number: 1_0."""
+    """Return a value as it would be typed, what Python alone takes for a number in quotes."""
     try:
         return typed(value) if NUMBER.fullmatch(typed(value)) else f"'{float(typed(value))}'"
     except ValueError:
@@ -144,7 +144,7 @@ def refusals(error: ValidationError, data: Mapping[str, object], known: Iterable
 
 
 def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
-    """Return the reasons of an error; its location has the chosen type of a union too, which the data has not."""
+    """Return the reasons of an error, whose location has the chosen type of a union too."""
     kind, context, path = error["type"], error.get("ctx", {}), list[str]()
     *location, last = (step for step in error["loc"] if step != "[key]") if error["loc"] else ("",)
     for step in (*location, last):

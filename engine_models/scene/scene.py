@@ -18,6 +18,9 @@ from engine_models.scene.start import Placed, placed
 from reference_solver.mechanism import data
 from reference_solver.mechanism.data import Point
 
+#: The path of a field, or values by their paths.
+Fields = Annotated[str | Mapping[str, object], expect("a string or a mapping of names to values")]
+
 
 class Observed(NamedTuple):
     """What a scene is about, by its name: a coordinate of a point of a body, its angle, or a guide's way.
@@ -70,11 +73,7 @@ class Scene(Sections):
         return hash(self.to_toml())
 
     @check_arguments
-    def replace(
-        self,
-        field: Annotated[str | Mapping[str, object], expect("a string or a mapping")],
-        value: object = None,
-    ) -> "Scene":
+    def replace(self, field: Fields, value: object = None) -> "Scene":
         """Return the scene with another value in a field: ``replace("clearance.B.restitution", 0.5)``.
 
         Several fields, checked together, are given as a mapping. None takes a part away, and what there is

@@ -40,7 +40,7 @@ def placed(scene: Sections, of: MechanismData, short: CrankSlider | None) -> Pla
     start, moved = scene.start, None
     if start.states:
         q, v = state_of(scene)
-        _check_springs(scene, of, q)
+        _check_springs(of, q)
         try:
             require_closed(of, q, v)
         except NotAssembled as reason:
@@ -58,7 +58,7 @@ def placed(scene: Sections, of: MechanismData, short: CrankSlider | None) -> Pla
             what = "guide" if scene.drive.guide else "body"
             refuse(f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
         q, v, moved = found.q, found.v, _moved(scene, found)
-    _check_springs(scene, of, q.ravel())
+    _check_springs(of, q.ravel())
     return Placed(tuple(q.ravel().tolist()), tuple(v.ravel().tolist()), moved)
 
 
@@ -91,7 +91,7 @@ def along_axis(distance_m: float, angle_rad: float, rate_rad_s: float) -> FloatA
     )
 
 
-def _check_springs(scene: Sections, of: MechanismData, q: FloatArray) -> None:
+def _check_springs(of: MechanismData, q: FloatArray) -> None:
     """Refuse a spring whose ends are at one place, so that its force has no direction."""
     from reference_solver.mechanism.assembly import place_of
 

@@ -94,15 +94,9 @@ def balance(of: Scene, at: Path) -> tuple[float, float, float]:
     return inertia, half, force
 
 
-<<<<<<< HEAD
-def turned(of: Scene, extra: Extra, times: FloatArray, kinks: tuple[float, ...] = ()) -> FloatArray:
-    """Return the crank's angles from +x at times; right-hand sides have kinks at some times of the clock."""
-    (tilt, _), clock = of.short.guide, of.start.time_s
-=======
 def turned(of: Scene, times: FloatArray, extra: Extra | None = None) -> FloatArray:
     """Return the crank's angles from +x at times; what is extra has kinks at ``TIMES`` of the clock."""
-    tilt, clock = of.short.slider.guide_angle_rad or 0.0 if of.short.slider else 0.0, of.clock_s
->>>>>>> main
+    (tilt, _), clock = of.short.guide, of.start.time_s
 
     def rates(t: float, y: FloatArray) -> list[float]:
         angle, speed = float(y[0]), float(y[1])
