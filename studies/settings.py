@@ -183,7 +183,8 @@ def turns_of(scene: Scene) -> float:
 def speeds_rad_s(scene: Scene) -> FloatArray:
     """Return the speed of the crank or of the turning body, or the fastest body's, at equal intervals, (n,).
 
-    Of a crank-slider whose slider is not driven it is the drive's or else the start's, of others that of the true motion.
+    Of a crank-slider it is the drive's or else the start's, of others, or where the slider is driven, that of
+    the true motion.
 
     Raises:
         UnsupportedScene, SimulationFailed: there is no true motion.

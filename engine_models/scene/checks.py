@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 from engine_models.scene.format import (
     PlacedStart,
@@ -73,9 +74,8 @@ def _check_observed(scene: Sections, pins: Mapping[str, list[str]]) -> None:
     axis = scene.observe.rpartition(".")[2]
     require(axis in AXES, "observe", f"a name and, after a dot, {one_of([*AXES])}", scene.observe)
     of_bodies = [pin for pin in pins if pins[pin] != ["ground"]]
-    what, choices = {"angle": ("a body", scene.body), "along": ("a guide", scene.guide)}.get(
-        axis, ("a pin of a body", of_bodies)
-    )
+    choices = {"angle": [*scene.body], "along": [*scene.guide]}.get(axis, of_bodies)
+    what = {"angle": "a body", "along": "a guide"}.get(axis, "a pin of a body")
     require_known("observe", scene.observe, [f"{each}.{axis}" for each in choices], what)
     if scene.turning:
         require_known("turning", scene.turning, scene.body, "a body")
@@ -103,7 +103,9 @@ def _check_time_tables(scene: Sections) -> None:
     """Refuse tables over time that do not last from the start of a scene to its end."""
     begin_s, drive = scene.start.time_s, scene.drive
     end_s = begin_s + scene.end_time_s
-    tables = {f"load.{name}.by_time": load.by_time for name, load in scene.load.items() if load.by_time}
+    tables: dict[str, Any] = {
+        f"load.{name}.by_time": load.by_time for name, load in scene.load.items() if load.by_time
+    }
     if isinstance(drive, TableDrive | TorqueDrive) and drive.time_s is not None:
         tables["drive"] = drive
     for path, table in tables.items():
@@ -116,15 +118,11 @@ def _check_time_tables(scene: Sections) -> None:
 
 def _check_start(scene: Sections) -> None:
     start, both = scene.start, [*scene.body, *scene.guide]
-    kinds = {
-        "angle_rad": scene.body,
-        "speed_rad_s": scene.body,
-        "position_m": scene.guide,
-        "speed_m_s": scene.guide,
-    }
-    for key, names in kinds.items():
+    bodies, guides = ([*scene.body], "a body"), ([*scene.guide], "a guide")
+    kinds = {"angle_rad": bodies, "speed_rad_s": bodies, "position_m": guides, "speed_m_s": guides}
+    for key, (names, what) in kinds.items():
         for name in getattr(start, key):
-            require_known(f"start.{key}.{name}", name, names, "a body" if names is scene.body else "a guide")
+            require_known(f"start.{key}.{name}", name, names, what)
     for place, name in enumerate(start.hold):
         require_known(f"start.hold.{place}", name, both, "a body or a guide")
         require(both.count(name) == 1, f"start.hold.{place}", "a name that is of a body or of a guide", name)

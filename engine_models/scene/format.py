@@ -359,8 +359,9 @@ class Cylinder(Table):
     @property
     def by_angle(self) -> data.Table:
         """The table, which repeats after that of one revolution and two that is nearer to its length."""
-        angle: tuple[float, ...] = getattr(self, self.COLUMNS[0])
-        return self.table(*self.COLUMNS, TURN if angle[-1] - angle[0] < 1.5 * TURN else 2 * TURN)
+        name = self.COLUMNS[0]
+        angle = getattr(self, name)
+        return self.table(name, "force_N", TURN if angle[-1] - angle[0] < 1.5 * TURN else 2 * TURN)
 
     @model_validator(mode="after")
     def _repeats(self) -> "Cylinder":

@@ -31,8 +31,9 @@ def _from_centre(scene: Sections, name: str, place: Place) -> Point:
 def pins_of(scene: Sections) -> dict[str, list[str]]:
     """Return the names of what has each pin: the ground first, then bodies in the order of the file."""
     where: dict[str, list[str]] = {}
-    for name, part in {"ground": scene.ground, **scene.body}.items():
-        for pin in part.pins_m:
+    places = {"ground": scene.ground.pins_m} | {name: body.pins_m for name, body in scene.body.items()}
+    for name, pins in places.items():
+        for pin in pins:
             where.setdefault(pin, []).append(name)
     return where
 

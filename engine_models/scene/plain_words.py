@@ -81,7 +81,7 @@ def unknown(field: str, came: object, choices: Iterable[str], expected: str = ""
     return f"{field}: {meant}expected {expected or one_of([*known.values()])}, got {got or shown(came)}"
 
 
-def unknown_key(key: str, known: Iterable[str]) -> str:
+def unknown_key(key: object, known: Iterable[str]) -> str:
     """Return the refusal of a key that is none of a part's."""
     return unknown(shown_key(key), key, known, f"the key {one_of([*known])}", "an unknown key")
 

@@ -2,7 +2,7 @@
 
 from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
-from pydantic_core.core_schema import FloatSchema
+from pydantic_core.core_schema import DictSchema, FloatSchema
 
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankSlider
@@ -10,7 +10,11 @@ from engine_models.scene.units import NUMBER, UNIT
 
 
 class _AsTyped(GenerateJsonSchema):
-    """The schema of what is typed: a number may be text with a unit."""
+    """The schema of what is typed: names are as they have to be, and a number may be text with a unit."""
+
+    def dict_schema(self, schema: DictSchema) -> JsonSchemaValue:
+        own = super().dict_schema(schema)
+        return {**own, "additionalProperties": False} if "patternProperties" in own else own
 
     def float_schema(self, schema: FloatSchema) -> JsonSchemaValue:
         text = {"type": "string", "pattern": rf"^\s*{NUMBER.pattern}\s*{UNIT}$"}

@@ -146,21 +146,17 @@ class CrankSlider(Top):
     def general(self) -> dict[str, Any]:
         """Return the same scene in the general spelling."""
         data = self.as_written()
-        links = {name: data.pop(name) for name in ("crank", "rod") if name in data}
-        pins = {"crank": ("O", "A"), "rod": ("A", "B")}
-        bodies = {
-            name: {"pins_m": {pins[name][0]: 0.0, pins[name][1]: link.pop("length_m")}, **link}
-            for name, link in links.items()
-        }
+        bodies = dict[str, Any]()
+        for name, near, far in (("crank", "O", "A"), ("rod", "A", "B")):
+            if link := data.pop(name, None):
+                bodies[name] = {"pins_m": {near: 0.0, far: link.pop("length_m")}, **link}
         data |= {"observe": "A.x", "turning": "crank", "ground": {"pins_m": {"O": 0.0}}, "body": bodies}
-        if slider := data.pop("slider", None):
+        if self.slider is not None:
+            del data["slider"]
             angle, offset = self.guide
             through = (-offset * math.sin(angle), offset * math.cos(angle))
-            bodies["slider"] = {
-                "pins_m": {"B": 0.0},
-                "mass_kg": slider["mass_kg"],
-                "inertia_kg_m2": slider["inertia_kg_m2"],
-            }
+            block = {"mass_kg": self.slider.mass_kg, "inertia_kg_m2": self.slider.inertia_kg_m2}
+            bodies["slider"] = {"pins_m": {"B": 0.0}, **block}
             data["guide"] = {GUIDE: {"body": "slider", "pin": "B", "through_m": through, "angle_rad": angle}}
             data["observe"] = f"{GUIDE}.along"
         for load in data.get("load", {}).values():

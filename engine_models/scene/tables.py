@@ -66,10 +66,10 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> dict[str, list[float]]
         raise BadFile(f"{path}: expected a table of numbers, got '{reason}'") from None
     head = [name.strip() for name in lines[0][1]] if lines else []
     factors = {
-        (column, place): 1.0 if name == column else factor
+        (column, place): factor
         for column in columns
         for place, name in enumerate(head)
-        if name == column or (column not in head and (factor := converted(column, name)))
+        if (factor := 1.0 if name == column else column not in head and converted(column, name))
     }
     present = [column for column, _ in factors]
     if len(present) != len({*present}) or columns[0] not in present or len(present) < 2:
