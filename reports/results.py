@@ -176,8 +176,8 @@ def tolerances(rows: pd.DataFrame) -> pd.Series:
 
 def knobs(rows: pd.DataFrame) -> pd.Series:
     """Return what resolves each run: its tolerance of a step by that setting's name, or else ``step``."""
-    of_scipy = with_columns(rows, "setting_rtol")["setting_rtol"].notna()
-    names = of_scipy.map({True: "rtol", False: "step_tolerance"})
+    rows = with_columns(rows, "setting_rtol")
+    names = rows["setting_rtol"].notna().map({True: "rtol", False: "step_tolerance"})
     return names.where(tolerances(rows).notna(), "step")
 
 
@@ -186,16 +186,6 @@ def signal_errors(rows: pd.DataFrame) -> list[str]:
     others = ("setting_", "largest_", "impact_", "peak_")
     errors = [name for name in rows if "_error_" in name and not name.startswith(others)]
     return [name for name in errors if rows[name].notna().any()]
-
-
-def motion_error(rows: pd.DataFrame) -> str:
-    """Return the column of errors of the motion: the slider's, without a slider that of the first body."""
-    found = [
-        name
-        for name in signal_errors(rows)
-        if name.endswith(("_m", "_rad")) and not name.startswith("clearance_")
-    ]
-    return SLIDER if SLIDER in found or not found else found[0]
 
 
 def with_forces(rows: pd.DataFrame) -> pd.DataFrame:
