@@ -11,7 +11,7 @@ from reports.accuracy_ideal import nearest
 from reports.equal_error import from_coarse_to_fine
 from reports.lines import MOST_LINES, Line, Panel, against, draw, points, shown_labels
 from reports.look import axis_label, line_styles, number
-from reports.page import Chapter, Claim, Figure, Table
+from reports.page import Chapter, Figure, Table
 from reports.results import (
     LOOSE,
     PEAK,
@@ -40,7 +40,7 @@ TRUE_LINE: dict[str, Any] = {"color": "#B9B9B9", "linewidth": 3.2, "zorder": 1.5
 MARGIN = 24
 
 
-def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
+def parts(studies: Studies) -> Iterator[Figure | Table | None]:
     """Yield one impact from near, errors against the mean step, and what of impacts and models is off."""
     if studies["accuracy"].has_curves:
         yield first_impact(studies["accuracy"])
@@ -50,7 +50,6 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     rows = with_columns(rows, TIME, "impact_impulse_relative_error", *COUNTS)
     rows[IMPULSE] = 100 * rows["impact_impulse_relative_error"]
     finest = finished(from_coarse_to_fine(rows)).drop_duplicates(["scene", "label"], keep="last")
-    yield _impacts_found(finest)
     best = rows[rows["joints"] == LOOSE]
     best = best[best["label"].isin(nearest(best, SLIDER)["label"])]
     by_signal = [against(best, column) for column in (SLIDER, PEAK, IMPULSE)]
@@ -101,17 +100,6 @@ def first_impact(results: Results) -> Figure | None:
         "area of the loop is the energy lost."
     )
     return Figure("clearance-impact", title, caption, "accuracy", draw(panels), points(panels))
-
-
-def _impacts_found(runs: pd.DataFrame) -> Claim | None:
-    """Return how many impacts each engine's finest run with compliant contact finds."""
-    counts = runs[runs["joints"] == LOOSE].groupby("label", observed=True)[COUNTS].sum()
-    if counts.empty:
-        return None
-    counts = counts.assign(every=counts[MATCHED] + counts[MISSED]).astype(int)
-    found = ", ".join(f"{of.Index} {of.impacts_matched} of {of.every}" for of in counts.itertuples())
-    numbers = {"impacts": (float(counts["every"].max()), "")}
-    return Claim("impacts-found", f"Impacts found at the finest setting: {found}.", numbers)
 
 
 def impacts_by_configuration(runs: pd.DataFrame) -> Table:

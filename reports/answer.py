@@ -14,7 +14,7 @@ from reports.equal_error import ALONE, Ratio, candidates, mark, ratio
 from reports.lines import draw, points
 from reports.look import command, span
 from reports.page import MOST, Chapter, Claim, Figure, Part, Table, Text
-from reports.predictability import horizon_turns
+from reports.predictability import horizon, horizons
 from reports.results import FORCE, IDEAL, LOOSE, PEAK, RIGID, SLIDER, Studies
 
 #: What a user needs: in words, the class of scenes, and the column of errors that is within its target.
@@ -154,14 +154,8 @@ def _figure(ran: pd.DataFrame) -> Figure | None:
 
 def _limits(studies: Studies) -> Iterator[Claim]:
     """Yield the limits of all that is said: the horizon, what is not modelled, what timings rest on."""
-    if "predictability" in studies and (turns := horizon_turns(studies["predictability"].rows)):
-        scene, least = next(iter(turns.items()))
-        moved = float(studies["predictability"].rows["perturbation_rad"].dropna().iloc[0])
-        text = (
-            f"Predictability: on {scene} a {{moved}} change of the initial crank angle grows to 100 µm in "
-            "{turns} revolutions (median); beyond that compare statistics only."
-        )
-        yield Claim("horizon", text, {"moved": (moved, "rad"), "turns": (least, "")})
+    if "predictability" in studies and len(horizons(studies["predictability"].rows)):
+        yield horizon(studies["predictability"].rows)
     text = "reference solutions solve each engine's own model; flexibility, lubrication and wear are outside"
     yield Claim("model", f"Model: {text} the scope.")
     machine = studies["cost"].facts.get("machine", {}).get("processor") or "not on record"
