@@ -102,7 +102,7 @@ def cost_panel(ran: pd.DataFrame, rings: Sequence[tuple[float, float]] = ()) -> 
 def beside_base(ran: pd.DataFrame) -> pd.DataFrame:
     """Return each engine's fastest setting within each target on each scene, with its ratio to the base."""
     base = reaching(ran[ran["label"] == BASE]).set_index(["column", "scene"])[["time_s", "next_s"]]
-    best = reaching(ran).join(base, on=["column", "scene"], rsuffix="_base")
+    best = reaching(ran).join(base.add_suffix("_base"), on=["column", "scene"])
     return best.assign(
         times=best["time_s"] / best["time_s_base"],
         low=best["time_s"] / best["next_s_base"],

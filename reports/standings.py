@@ -145,9 +145,10 @@ def _limit(standings: Standings, chosen: Any) -> Iterator[str]:
     if missed.empty or standings.reached.empty:
         return
     row, (what, unit) = missed.iloc[-1], words(standings.column)
-    how = failures[row.name] or f"{what} {quantity(row[standings.column], unit)}"
     if row["status"] != "ok":
         how = f"{row['status']}, {row['reason']}"
+    else:
+        how = failures[row.name] or f"{what} {quantity(row[standings.column], unit)}"
     yield f"Not good enough at {setting(row['knob'], row['value'])}: {how}."
 
 
