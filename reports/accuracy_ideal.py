@@ -76,7 +76,8 @@ def _orders_of_theory(steps: pd.DataFrame) -> Iterator[Claim]:
     """Yield the observed orders of methods whose order theory gives: RK4 of the reference, and Pymunk's."""
     methods = with_columns(steps, "setting_method")["setting_method"]
     rk4 = steps[(steps["engine"] == "reference") & methods.isna()]
-    claims = [("rk4-order", "the reference engine (RK4)", rk4, (SLIDER, FORCE), RK4_ORDER)]
+    claims: list[tuple[str, str, pd.DataFrame, tuple[str, ...], int]] = []
+    claims.append(("rk4-order", "the reference engine (RK4)", rk4, (SLIDER, FORCE), RK4_ORDER))
     for label, order in PYMUNK_ORDERS.items():
         claims.append((f"order of {label}", label, steps[steps["label"] == label], (SLIDER,), order))
     for name, who, rows, columns, order in claims:

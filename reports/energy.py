@@ -24,9 +24,9 @@ KEPT = 1e-4
 #: may be from that.
 EXPONENTS, WITHIN = {"constraint_violation_exponent": 2, "constraint_speed_exponent": 1}, 0.1
 #: The columns that not every row has.
-OPTIONAL = (UNACCOUNTED, "dissipated_power_W", "largest_numerical_gain_J", "turns", "energy_in_play_J")
-OPTIONAL += ("constraint_violation_m", "compliant_contact", "energy_balance_residual_J", *EXPONENTS)
-OPTIONAL += ("hidden_power_W", "hidden_power_low_W", "hidden_power_high_W")
+OPTIONAL = [UNACCOUNTED, "dissipated_power_W", "largest_numerical_gain_J", "turns", "energy_in_play_J"]
+OPTIONAL += ["constraint_violation_m", "compliant_contact", "energy_balance_residual_J", *EXPONENTS]
+OPTIONAL += ["hidden_power_W", "hidden_power_low_W", "hidden_power_high_W"]
 INTRODUCTION = (
     "The energy-balance error is what energy stored, work of driver and loads, and contact losses, all of an "
     "engine's own motion and forces, do not add up to. Numerical dissipation is the rate of its loss."

@@ -224,12 +224,14 @@ class Stage:
 
     def _draw_area(self, corners: FloatArray, face: Any, edge: Any, width: float) -> None:
         style: dict[str, Any] = {"facecolor": face, "edgecolor": edge, "linewidth": width, "zorder": 2}
-        area = self.axes.add_patch(Polygon(corners[0], joinstyle="round", **style))
+        area = Polygon(corners[0], joinstyle="round", **style)
+        self.axes.add_patch(area)
         self._follow(area.set_xy, corners)
 
     def _draw_disc(self, centre: FloatArray, radius: float, fill: bool = True) -> None:
         style: dict[str, Any] = {"facecolor": "white", "edgecolor": "black", "linewidth": 1.0, "zorder": 3}
-        disc = self.axes.add_patch(Circle((0, 0), radius, fill=fill, **style))
+        disc = Circle((0, 0), radius, fill=fill, **style)
+        self.axes.add_patch(disc)
         self._follow(disc.set_center, centre, radius)
 
     def _draw_forces(self) -> None:
