@@ -224,13 +224,14 @@ class Forces(Numbers):
                 gone, middle = s - s[0], (s + s[0]) / 2
                 exact[f"{name}.force"] = load.force_N * gone
                 exact[f"{name}.spring"] = -load.spring_N_m * gone * (middle - load.free_position_m)
-        works = {
-            short: exact.get(name) for name in self.working for short in [name.removeprefix(self._short)]
-        }
         if isinstance(self._torque, float):
             angle = position[:, self.of.drive.body, 2]
-            works["driver"] = self._torque * (angle - angle[0])
-        return {name: integrated[name] if work is None else work for name, work in works.items()}
+            exact["driver"] = self._torque * (angle - angle[0])
+        works = dict[str, FloatArray]()
+        for name in [*self.working, *({"driver"} & {*exact, *integrated})]:
+            short = name.removeprefix(self._short)
+            works[short] = exact[name] if name in exact else integrated[short]
+        return works
 
     def accelerations(self, run: Trajectory) -> FloatArray:
         """Return the accelerations (n, bodies, 3) that all forces of a run give to its bodies."""
