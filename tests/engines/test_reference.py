@@ -19,8 +19,8 @@ from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.mechanics.states import observed
 from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.library import ideal_free
 from engine_models.scene.scene import Scene
-from tests.engines.mechanism_texts import CRANK_SLIDER, scene
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
 #: What runs by DOP853 at 1e-12 leave of the energy in play.
@@ -39,7 +39,7 @@ GENERAL: dict[str, object] = {
 
 def base(changes: Mapping[str, object]) -> Scene:
     """Return the crank-slider in a guide of its own, with changes."""
-    return scene(CRANK_SLIDER).replace({**GENERAL, **changes})
+    return ideal_free().replace({**GENERAL, **changes})
 
 
 def ran(of: Scene, samples: int = 30) -> Trajectory:
