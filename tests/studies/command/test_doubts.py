@@ -26,9 +26,8 @@ def test_a_slider_that_shorter_steps_move_is_in_doubt_from_a_time_on() -> None:
 @pytest.mark.parametrize("engine", ["exudyn", "pymunk"])
 def test_any_engine_is_run_once_more_unless_it_is_to_be_quick(engine: str, tmp_path: Path) -> None:
     """In steps of 9 degrees both are off by a millimetre."""
-    coarse = "--step", 6e-4, "--samples", 20
-    run = ("simulate", "ideal-driven", "--end", 0.024, "--engine", engine, *coarse)
-    run = (*run, "--out", tmp_path / "run.csv")
+    steps = ("--end", 0.024, "--step", 6e-4, "--samples", 20)
+    run = ("simulate", "ideal-driven", "--engine", engine, *steps, "--out", tmp_path / "run.csv")
     words, unchecked = "slider position in doubt by 1 % of the crank or more from t = ", ", not checked\n"
     told, quick = crankslider(*run).stderr, crankslider(*run, "--quick").stderr
     assert (words in told, unchecked in told) == (True, False), told
