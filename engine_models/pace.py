@@ -10,7 +10,7 @@ from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import lever_m
 from engine_models.scene.format import FluctuatingDrive, RampDrive
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import exponent_of, stiffness_of
+from reference_solver.mechanism.contacts import exponent_of, stiffness_of
 
 #: A run that needs more steps than this would take hours or more.
 MOST_STEPS = 1e10

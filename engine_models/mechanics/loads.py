@@ -14,7 +14,6 @@ import numpy as np
 from engine_models.engine import Contact, FloatArray, Trajectory
 from engine_models.mechanics.states import direction, point_motion, way
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.curves import curve_of
 from reference_solver.mechanism.data import (
     GROUND,
     DriveData,
@@ -27,6 +26,7 @@ from reference_solver.mechanism.data import (
     Torque,
 )
 from reference_solver.mechanism.loads import motor_torque_N_m
+from reference_solver.mechanism.motions import curve_of
 
 #: The field of a load that makes each of its parts, in the order of ``building.loads_of``.
 FIELDS = {

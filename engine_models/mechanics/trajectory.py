@@ -10,7 +10,7 @@ from engine_models.mechanics.loads import drive_torque, parts_of
 from engine_models.mechanics.states import way
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import clips
+from reference_solver.mechanism.contacts import clips
 from reference_solver.mechanism.data import Torque
 
 

@@ -16,9 +16,9 @@ from engine_models.scene.arguments import check_arguments
 from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown
 from engine_models.scene.units import in_own_units
 from reference_solver.mechanism import data
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, NORMAL_LAWS
-from reference_solver.mechanism.curves import curve_of
+from reference_solver.mechanism.contacts import DAMPING_FACTORS, NORMAL_LAWS
 from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Interpolation
+from reference_solver.mechanism.motions import curve_of
 
 Value = TypeVar("Value")
 Kind = TypeVar("Kind", bound="SceneData")
@@ -335,9 +335,11 @@ class Clearance(SceneData):
 
     def data(self) -> data.ClearanceData:
         """Return the clearance as data of the mechanism."""
-        own = self.model_dump(exclude={"friction", "bearing"})
-        friction = None if self.friction is None else data.FrictionData(**self.friction.model_dump())
-        return data.ClearanceData(**own, friction=friction)
+        own, law = self.model_dump(exclude={"friction", "bearing"}), None
+        if (friction := self.friction) is not None:
+            numbers = friction.coefficient, friction.regularisation_speed_m_s
+            law = data.FrictionLaw(friction.law, *numbers, friction.dead_band_speed_m_s or 0.0)
+        return data.ClearanceData(**own, friction=law)
 
 
 # Loads

@@ -7,8 +7,9 @@ import numpy as np
 from reference_solver.equations import Equations
 from reference_solver.impacts import Impacts
 from reference_solver.kernel import Kernel, Topology
+from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.run import FLIGHT, Impact, new_run
+from reference_solver.run import Impact, new_run
 from reference_solver.tape import FloatArray
 
 

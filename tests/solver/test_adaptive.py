@@ -18,8 +18,9 @@ from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES
 from reference_solver.kernel import Kernel, Topology
 from reference_solver.loop import Step, estimated
-from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, RevoluteJoint
+from reference_solver.mechanism.contacts import ContactLaw, RigidWall
+from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Pin
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.methods import dop853, tableau
 from reference_solver.run import SLOPES, WEIGHT, new_run
 from reference_solver.solution import Solution
@@ -36,7 +37,7 @@ DAMPED, ELASTIC = ContactLaw(HERTZ, 1.5, FACTOR), ContactLaw(HERTZ, 1.5)
 ARM, SPIN = 0.1, 30.0
 
 
-PENDULUM = Mechanism((Body(MASS, INERTIA),), (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, ARM)),), (), GRAVITY)
+PENDULUM = Mechanism((Body(MASS, INERTIA),), (Pin(GROUND, (0.0, 0.0), 0, (0.0, ARM)),), (), GRAVITY)
 
 
 def controlled(

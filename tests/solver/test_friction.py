@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff, PainleveParadox
-from reference_solver.mechanism.contact_laws import FrictionLaw, RigidWall, steepest
-from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, PrescribedSpeed
+from reference_solver.mechanism.constraints import PrescribedMotion
+from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall, steepest
+from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, FrictionLaw
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
 from tests.helpers.mechanism_energy import energy_residual_J
 from tests.helpers.orders import slope
@@ -162,7 +164,8 @@ def test_the_painleve_paradox_is_refused() -> None:
 def test_rows_of_a_driver_do_work_against_friction() -> None:
     # A driven disc turns on its wall: what the driver gives beyond kinetic energy is lost in friction.
     law = FrictionLaw("tanh", 0.2, 0.5)
-    driven = Mechanism((Body(MASS, INERTIA),), (PrescribedSpeed(0, 10.0),), (), GRAVITY, (wide(law),))
+    drive = PrescribedMotion(0, ConstantSpeed(10.0))
+    driven = Mechanism((Body(MASS, INERTIA),), (drive,), (), GRAVITY, (wide(law),))
     found = run(driven, [0.0, -CLEARANCE, 0.0], [0.0, 0.0, 10.0], 0.5, 200)
     assert found.sums["slide0"][-1] > 0.01
     # Measured 4e-12 J, of order four; an error in the arms would leave a part of the loss.

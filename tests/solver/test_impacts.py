@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference_solver.contact_forces import separation
 from reference_solver.equations import Equations
 from reference_solver.failures import BlockedImpact
 from reference_solver.impacts import complementary
 from reference_solver.impacts import solve as solve_small
-from reference_solver.mechanism.contact_laws import FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, RevoluteJoint
+from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall, separation
+from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Pin
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.run import Impact
 from reference_solver.solver import LOWEST_FLIGHT, solve
@@ -103,7 +103,7 @@ def chain(generator: np.random.Generator) -> tuple[Mechanism, FloatArray, FloatA
     bodies = tuple(Body(*10 ** generator.uniform([-1, -4], [0, -1])) for _ in range(2))
     points = generator.uniform(-0.2, 0.2, (3, 2))
     q = generator.uniform(-1, 1, 6)
-    hinge = RevoluteJoint(0, tuple(points[0]), 1, tuple(points[1]))
+    hinge = Pin(0, tuple(points[0]), 1, tuple(points[1]))
     gap = Equations(Mechanism(bodies, (hinge,)), q).violation(0.0, q)
     q[3:5] -= gap
     direction = generator.uniform(0, 2 * np.pi)
@@ -147,7 +147,7 @@ def test_an_impact_with_friction_never_creates_energy_and_keeps_newtons_and_coul
         hinge = Equations(mechanism, q).constraint_matrix(q) @ after_v
         assert np.abs(hinge).max() < 1e-10, f"case {case}: the hinge opens at {np.abs(hinge).max():.1e} m/s"
         outward, sliding_speed = speeds_of(joint, q, after_v)
-        rebound = joint.wall.restitution * speeds_of(joint, q, v)[0]
+        rebound = joint.law.restitution * speeds_of(joint, q, v)[0]
         assert -outward == pytest.approx(rebound, abs=1e-10), f"case {case}: Newton's law"
         normal, tangential = impact.normal_impulse_N_s, impact.tangential_impulse_N_s
         limit = coefficient(joint) * normal
@@ -175,18 +175,18 @@ def test_without_friction_the_loss_is_the_closed_form_of_the_mass_that_the_ideal
         B = np.vstack([Equations(mechanism, q).constraint_matrix(q), normal])
         inverse = np.linalg.inv((B * Equations(mechanism, q).inverse_mass) @ B.T)
         assert impact.effective_mass_kg == pytest.approx(inverse[-1, -1], rel=1e-10)  # a full inverse
-        exact = (1 - smooth.wall.restitution**2) / 2 * outward**2 * impact.effective_mass_kg
+        exact = (1 - smooth.law.restitution**2) / 2 * outward**2 * impact.effective_mass_kg
         assert impact.energy_lost_J == pytest.approx(exact, rel=1e-10)
         # The paper's formula with the contact's row in B.
         right = np.zeros(len(B))
-        right[-1] = (1 + smooth.wall.restitution) * outward
+        right[-1] = (1 + smooth.law.restitution) * outward
         paper = v - Equations(mechanism, q).inverse_mass * (B.T @ (inverse @ right))
         assert np.abs(after_v - paper).max() < 1e-10 * np.abs(v).max()
 
 
 def test_an_impact_against_driven_motion_is_refused() -> None:
     guided = Mechanism((Body(1.0, 1.0),), straight_guide(0, (0.0, 0.0), 0.0))
-    held = Mechanism((Body(1.0, 1.0),), (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),))
+    held = Mechanism((Body(1.0, 1.0),), (Pin(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),))
     below = ClearanceJoint(GROUND, (0.0, CLEARANCE), 0, (0.0, 0.0), CLEARANCE, RADIUS, RigidWall(0.5))
     for rigid in (held, guided):
         with pytest.raises(BlockedImpact, match=r"t = 0\.25 s"):

@@ -15,7 +15,7 @@ from engine_models.pymunk.native_contact import rigid_twin
 from engine_models.scene.format import Clearance
 from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.short import CrankLoad
-from reference_solver.mechanism.contact_laws import stiffness_of
+from reference_solver.mechanism.contacts import stiffness_of
 
 STEEL = Clearance(
     radial_clearance_m=5e-4,

@@ -16,9 +16,8 @@ from engine_models.scene.library import ideal_compressor, ideal_driven
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankLoad
 from reference_solver.kernel import Topology, program_of
-from reference_solver.mechanism.building import pieces_of
-from reference_solver.mechanism.motions import MOTIONS, Course, Fluctuation, Ramp, Steady
-from reference_solver.mechanism.tables import PiecewiseCubic, piece
+from reference_solver.mechanism.data import ConstantSpeed, Course, Fluctuation, Motion, Ramp
+from reference_solver.mechanism.motions import PiecewiseCubic, moved, piece, pieces_of
 from tests.engines.runs import errors
 from tests.helpers.orders import slope
 from tests.studies.truth.closed_forms.crank_slider import exact
@@ -122,8 +121,8 @@ def test_a_table_is_its_spline_at_any_place_and_repeats() -> None:
 
 def test_motions_are_integral_and_derivative_of_their_speeds() -> None:
     rows = (0.0, 0.0, 2.0, 0.5, -1.0, 0.7, 0.7 * (2.0 + 0.7 * (0.5 - 0.7)), 1.0, -1.0, 2.0)
-    motions = [
-        Steady(3.0),
+    motions: list[Motion] = [
+        ConstantSpeed(3.0),
         Ramp(3.0, -5.0, 0.4),
         Ramp(0.0, 5.0, 0.4, -0.1),
         Fluctuation(3.0, 2.0, 7.0, 0.4),
@@ -131,13 +130,12 @@ def test_motions_are_integral_and_derivative_of_their_speeds() -> None:
     ]
     nodes, weights = leggauss(12)
     for motion in motions:
-        turn = MOTIONS[type(motion)]
         for begin, end in ((0.0, 0.2), (0.25, 0.29), (0.5, 0.65)):
             half = (end - begin) / 2
-            within = np.array([turn(motion, begin + half * (1 + node)) for node in nodes])
-            gained = np.subtract(turn(motion, end), turn(motion, begin))[:2]
+            within = np.array([moved(motion, begin + half * (1 + node)) for node in nodes])
+            gained = np.subtract(moved(motion, end), moved(motion, begin))[:2]
             assert gained == pytest.approx(half * (weights @ within[:, 1:]), rel=1e-12, abs=1e-13)
-        assert turn(motion, 0.0)[0] == 0
+        assert moved(motion, 0.0)[0] == 0
 
 
 # Drives whose speed changes within a step
