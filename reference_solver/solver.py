@@ -130,6 +130,7 @@ def solve(
         SolverError: a step or an impact failed; it says which and when.
     """
     choice = step if isinstance(step, StepChoice | ErrorControl) else StepChoice(step)
+    q, v = np.array(q, dtype=float), np.array(v, dtype=float)
     check_start(mechanism, q, v)
     return Solver(mechanism, q, choice, stabilisation).run(q, v, end_time_s, samples)
 

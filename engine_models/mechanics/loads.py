@@ -28,7 +28,7 @@ from reference_solver.mechanism.data import (
 from reference_solver.mechanism.loads import motor_torque_N_m
 from reference_solver.mechanism.motions import curve_of
 
-#: The field of a load that makes each of its parts, in the order of ``building.loads_of``.
+#: The field of a load that makes each of its parts, in the order of ``mechanism.loads_of``.
 FIELDS = {
     "force": "force_N",
     "viscous": "viscous_N_s_m",

@@ -14,7 +14,6 @@ from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
-from studies.judges.columns import sample_columns
 from tests.engines.runs import fresh, run
 from tests.scenes import scene
 
@@ -78,31 +77,6 @@ def test_the_ground_feels_the_bodies_weights_and_inertia(name: str) -> None:
     ground, largest = wrenches(of, run)[:, -1], max(np.abs(force).max() for force in forces)
     close(ground[:, :2], own.sum(axis=1), largest)
     close(ground[:, 2], moment, largest * lever_m(of))
-
-
-STANDING = """
-name = "standing"
-end_time_s = 0.01
-gravity_m_s2 = 9.81
-observe = "rail.along"
-guide.rail = { body = "carriage", pin = "S", through_m = [0.0, 0.2] }
-start.position_m.rail = 0.3
-[body]
-carriage = { pins_m = { S = 0.0 }, centre_of_mass_m = [0.1, 0.05], mass_kg = 2.0, inertia_kg_m2 = 0.03 }
-"""
-
-
-def test_the_ground_carries_what_is_at_rest() -> None:
-    """The centre of mass is 0.1 m in front of the pin that the rail pushes at."""
-    of = from_toml(STANDING)
-    columns = sample_columns(of, fresh("reference", of, 1, 2))
-    weight = 2.0 * 9.81
-    assert columns["ground_force_x_N"] == pytest.approx(np.zeros(3), abs=1e-12)
-    assert columns["ground_force_y_N"] == pytest.approx(np.full(3, -weight), rel=1e-12)
-    assert columns["ground_moment_N_m"] == pytest.approx(np.full(3, -weight * 0.4), rel=1e-12)
-    assert columns["guide_rail_normal_force_N"] == pytest.approx(np.full(3, weight), rel=1e-12)
-    assert columns["guide_rail_moment_N_m"] == pytest.approx(np.full(3, 0.1 * weight), rel=1e-12)
-    assert columns["guide_rail_along_m"] == pytest.approx(np.full(3, 0.3))
 
 
 BEAM = """
