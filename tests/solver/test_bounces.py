@@ -148,7 +148,7 @@ FRICTIONS = [
 ]
 
 
-@pytest.mark.parametrize("friction", FRICTIONS, ids=lambda f: f.kind)
+@pytest.mark.parametrize("friction", FRICTIONS, ids=lambda f: f.law)
 def test_friction_slows_the_spin_and_closes_the_ledger(friction: FrictionLaw) -> None:
     spin = 300.0
     run = bounce(ContactLaw(HERTZ, 1.5, 0.2), FINE, friction, spin)
