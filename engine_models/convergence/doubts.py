@@ -14,8 +14,8 @@ from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajecto
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.states import lever_m, observed_in_words, observed_m
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.curves import curve_of
 from reference_solver.mechanism.data import Course, Motor, Table, Torque
+from reference_solver.mechanism.motions import curve_of
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly

@@ -24,7 +24,7 @@ from engine_models.mechanics.states import pin_gap
 from engine_models.minimal.forces import ContactStates, Forces
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import damping_factor_of, minimum_impact_speed_of
+from reference_solver.mechanism.contacts import damping_factor_of, minimum_impact_speed_of
 from reference_solver.mechanism.data import Pin
 
 #: Hunt-Crossley's form ends at e' = 0; Carvalho-Martins' gives way to Gonthier's at e' = 1/3.

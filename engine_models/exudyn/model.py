@@ -27,7 +27,7 @@ from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import exponent_of, minimum_impact_speed_of, stiffness_of
+from reference_solver.mechanism.contacts import exponent_of, minimum_impact_speed_of, stiffness_of
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Course, Guide, Pin, Point
 
 items: Any = itemInterface  # its constructors carry no types

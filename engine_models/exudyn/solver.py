@@ -17,7 +17,7 @@ from engine_models.minimal.forces import Forces
 from engine_models.pace import FEWEST_STEPS, quickest_s
 from engine_models.scene.mechanism import levers_m
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import stiffness_of
+from reference_solver.mechanism.contacts import stiffness_of
 from reference_solver.mechanism.data import Motor
 
 #: Touch and release are located to this penetration, and steps get no shorter than this. The trapezoidal rule
