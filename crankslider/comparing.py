@@ -50,7 +50,7 @@ def compare_engines(
         _require_a_run(standings)
         chosen = standings.chosen
         run = _shown(wanted[str(standings.rows["case"][chosen.Index])], pool) if chosen else None
-    return Comparison(scene, results, run, given)
+    return Comparison(scene, results, run, given, folder)
 
 
 def _question(scene: Scene, error: float | None, signal: str | None, pool: Pool) -> Question:

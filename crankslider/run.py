@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
+from pydantic import InstanceOf
 
-from engine_models.engine import MOST_SAMPLES, Engine, Trajectory
+from engine_models.engine import Engine, Trajectory
 from engine_models.mechanics.quality import Quality, quality_of
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
@@ -31,14 +32,17 @@ if TYPE_CHECKING:
     from reports.results import Results
     from reports.standings import Standings
 
-#: Endings of the files of tables, of sweeps, of figures and of animations; and the place of no file.
-TABLES, ROWS = (".csv", ".json", ".parquet", ""), (".parquet", ".csv")
-PICTURES, FILMS = (".png", ".svg", ".pdf"), (".html", ".gif", ".mp4")
+#: Endings of the files of tables, of figures and of animations; and the place of no file.
+TABLES, PICTURES, FILMS = (
+    (".csv", ".json", ".parquet", ""),
+    (".png", ".svg", ".pdf"),
+    (".html", ".gif", ".mp4"),
+)
 STDOUT = Path("-")
 #: A note says that samples miss the largest contact force by more than this part of it.
 MISSED = 0.1
-#: This number of samples in the shortest impact shows 99 % of the largest force of half a sine.
-PER_IMPACT = 10
+
+Times = Annotated[Positive, in_words()]
 
 
 class ContactForce(NamedTuple):
@@ -164,7 +168,7 @@ class Run:
         Raises:
             BadInput: the file has another ending or cannot be written, or it is .mp4 without ffmpeg.
         """
-        require_file("animate", Path(file), FILMS)
+        require_outputs(self.scene, animate=file)
         self.write(animate=file, exaggerate=exaggerate)
 
     @check_arguments
@@ -175,9 +179,17 @@ class Run:
         plot: Place | None = None,
         animate: Place | None = None,
         plot_columns: Sequence[str] = (),
-        exaggerate: Positive = 1.0,
+        exaggerate: Times = 1.0,
     ) -> None:
-        """Write samples and impacts by the endings of their files, a figure and an animation; - is stdout.
+        """Write tables by the endings of their files, a figure and an animation.
+
+        Args:
+            out: write samples to .csv, .json or .parquet; - is stdout, the default alone.
+            impacts: write impacts, one row each, to .csv, .json or .parquet.
+            plot: draw it to .png, .svg or .pdf.
+            animate: animate the mechanism to .html, .gif or .mp4.
+            plot_columns: columns that the figure shows, A,B.
+            exaggerate: enlarge clearances in the animation by this factor.
 
         Raises:
             BadInput: a file cannot be written.
@@ -185,20 +197,13 @@ class Run:
         contents = {}
         for name, place, columns in (("out", out, self._samples), ("impacts", impacts, self._impacts)):
             if place is not None:
-                contents[name, Path(place)] = self._encoded(columns(), Path(place).suffix.lower())
+                contents[name] = place, self._encoded(columns(), Path(place).suffix.lower())
         if plot is not None:
-            from reports.look import picture_bytes
-
-            picture = picture_bytes(self.plot(plot_columns), Path(plot).suffix.lower())
-            contents["plot", Path(plot)] = picture
+            contents["plot"] = plot, picture(self.plot(plot_columns), Path(plot))
         if animate is not None:
-            contents["animate", Path(animate)] = self.film(Path(animate).suffix.lower(), exaggerate)
-        for (name, path), content in contents.items():
-            with writing(name, path):
-                if path == STDOUT:
-                    print(content.decode("utf-8"), end="")
-                else:
-                    write_whole(path, content)
+            contents["animate"] = animate, self.film(Path(animate).suffix.lower(), exaggerate)
+        for name, (place, content) in contents.items():
+            write_file(name, Path(place), content)
 
     def film(self, ending: str, exaggerate: float) -> bytes:
         """Return the animation as the bytes of a file; progress is told as that of a run."""
@@ -267,16 +272,11 @@ class Run:
         if self.start_s and overall and overall != largest:
             before = f"{_newtons(overall.force_N)} at joint {overall.joint} at t = {overall.time_s:.6g} s"
             lines[0] += f", after the transient to {self.start_s:g} s, in which it is {before}"
-        contacts, samples = self.trajectory.contacts, len(self.trajectory.time_s) - 1
         late = self.trajectory.time_s >= self.start_s
-        shown_N = contacts[largest.joint].normal_force_N[late].max(initial=0.0)
+        shown_N = self.trajectory.contacts[largest.joint].normal_force_N[late].max(initial=0.0)
         if shown_N < (1 - MISSED) * largest.force_N:
-            duration_s = np.concatenate([contact.impacts.duration_s for contact in contacts.values()])
-            shortest_s = duration_s[duration_s > 0].min(initial=np.inf)  # it is 0 between rigid walls
-            enough = float(f"{PER_IMPACT * self.scene.end_time_s / shortest_s:.2g}")
-            resolved = f", --samples {enough:g} resolves them" if samples < enough <= MOST_SAMPLES else ""
-            missed = f"{samples} samples show at most {_newtons(shown_N)} of it"
-            lines.append(f"{missed}: --impacts FILE has every impact's largest{resolved}")
+            missed = f"{len(late) - 1} samples show at most {_newtons(shown_N)} of it"
+            lines.append(f"{missed}: more --samples show more, --impacts FILE has every impact's largest")
         return lines
 
     @property
@@ -354,12 +354,11 @@ class Sweep:
         except NoPicture as reason:
             raise BadInput(f"plot: {reason}") from None
 
-    def write(self, path: Path) -> None:
-        """Write the rows as .parquet or .csv."""
-        if path.suffix.lower() == ".csv":
-            write_whole(path, self.frame.to_csv(index=False).encode("utf-8"))
-        else:
-            write_whole(path, self.frame.to_parquet(index=False))
+    def encoded(self, ending: str) -> bytes:
+        """Return the rows as the bytes of a .csv or .parquet file."""
+        if ending == ".csv":
+            return bytes(self.frame.to_csv(index=False).encode("utf-8"))
+        return bytes(self.frame.to_parquet(index=False))
 
 
 @dataclass(frozen=True)
@@ -367,13 +366,14 @@ class Comparison:
     """A comparison of engines on a scene.
 
     ``results`` has the rows and their curves. ``run`` is the recommended run with more samples, None if there
-    is no recommendation. ``given`` is the scene as it is typed in a command.
+    is no recommendation. ``given`` is the scene as it is typed in a command, ``folder`` has the kept rows.
     """
 
     scene: Scene
     results: "Results"
     run: Run | None
     given: str
+    folder: Path
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -423,37 +423,67 @@ class Comparison:
         return self.recommendation
 
 
-def ending_of(argument: str, path: Path, endings: Collection[str]) -> str:
-    """Return the ending of a file's name in lower case; raise BadInput if it is none of these."""
+@check_arguments
+def require_outputs(
+    scene: InstanceOf[Scene],
+    inputs: Sequence[str] = (),
+    out: Place | None = None,
+    impacts: Place | None = None,
+    plot: Place | None = None,
+    animate: Place | None = None,
+    exaggerate: Times = 1.0,
+) -> None:
+    """Refuse, before any work, files that cannot be written, have other endings, or are read already.
+
+    Raises:
+        BadInput: it is so, there are no impacts, or nothing is animated that could be exaggerated.
+    """
+    if exaggerate != 1.0 and animate is None:
+        raise BadInput(f"exaggerate: expected nothing without animate, got {exaggerate:g}")
+    if impacts is not None and not scene.joints_with_clearance:
+        raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has no impacts")
+    taken = [os.path.realpath(name) for name in inputs]
+    places = {"out": (out, TABLES), "impacts": (impacts, TABLES), "plot": (plot, PICTURES)}
+    for name, (place, endings) in {**places, "animate": (animate, FILMS)}.items():
+        if place is not None:
+            require_file(name, Path(place), endings)
+            if (file := os.path.realpath(place)) in taken:
+                expected = "a file that neither the scene is read from nor another is written to"
+                raise BadInput(f"{name}: expected {expected}, got {place}")
+            taken.append(file)
+
+
+def require_file(argument: str, path: Path, endings: Collection[str]) -> None:
+    """Refuse a file that cannot be written or has another ending."""
     ending = path.suffix.lower()
     if ending not in endings:
         expected = f"a file that ends in {one_of([each for each in endings if each])}"
         raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
-    return ending
-
-
-def require_file(argument: str, path: Path, endings: Collection[str], inputs: Collection[Path] = ()) -> None:
-    """Refuse, before any work, a file that cannot be written, has another ending, or is one of the inputs."""
-    ending = ending_of(argument, path, endings)
-    if path == STDOUT and "" in endings:
-        return
     if ending == ".mp4":
         from reports.film import can_write
 
         if not can_write(ending):
             expected = "a file that ends in .html or .gif where ffmpeg is not installed"
             raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
-    if any(os.path.realpath(path) == os.path.realpath(other) for other in inputs):
-        expected = "a file that neither the scene is read from nor another is written to"
-        raise BadInput(f"{argument}: expected {expected}, got {path}")
+    if path != STDOUT:
+        with writing(argument, path):
+            require_place(path)
+
+
+def write_file(argument: str, path: Path, content: bytes) -> None:
+    """Write a whole file, or to stdout."""
     with writing(argument, path):
-        require_place(path)
+        if path == STDOUT:
+            print(content.decode("utf-8"), end="")
+        else:
+            write_whole(path, content)
 
 
-@check_arguments
-def factor(exaggerate: Annotated[Positive, in_words()] = 1.0) -> float:
-    """Return the factor by which clearances are enlarged in an animation, which may be text."""
-    return exaggerate
+def picture(figure: "Figure", path: Path) -> bytes:
+    """Return a figure as the bytes of a file."""
+    from reports.look import picture_bytes  # loads Matplotlib
+
+    return picture_bytes(figure, path.suffix.lower())
 
 
 def _newtons(force_N: float) -> str:

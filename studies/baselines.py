@@ -22,7 +22,7 @@ from studies.failures import BadInput, Failed, log, progress_console, writing
 from studies.judges.comparison import Judged, compared, judged
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
 from studies.judges.metrics import energy_balance_residual_J, is_force, sizes
-from studies.whole_file import write_whole
+from studies.whole_file import require_folder, write_whole
 from studies.workers import Ended, Pool
 
 FOLDER, FILE = Path(__file__).parent, "baselines.csv"
@@ -157,6 +157,15 @@ def read(folder: Path) -> pd.DataFrame:
     except (OSError, ValueError, KeyError) as reason:
         todo = '--accept --why "..." writes one'
         raise BadInput(f"baselines: expected {folder / FILE}, got '{reason}': {todo}") from None
+
+
+def require_baselines(folder: Path, accept: bool) -> None:
+    """Refuse a folder in which no baselines are, or none can be written, before any work."""
+    if not accept:
+        read(folder)
+        return
+    with writing("baselines", folder):
+        require_folder(folder)
 
 
 def compare_or_accept(engines: Collection[str], folder: Path, why: str | None) -> list[str]:
