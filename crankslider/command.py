@@ -83,7 +83,7 @@ def make_app(name: str) -> Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
         help="Simulate planar mechanisms with the reference solver, Exudyn, Pymunk and SciPy; compare them.",
     )
-    app.callback(invoke_without_command=True)(about)
+    app.callback()(about)
     for function, paths in COMMANDS.items():
         run = with_options(function, paths) if function.__name__ == name else lambda: None
         app.command(function.__name__, help=described(function)[0])(run)
@@ -152,13 +152,20 @@ def assigned(option: str, form: str, assignments: Sequence[str]) -> dict[str, st
     return values
 
 
-def about(
-    version: Annotated[bool, Option("--version", help="Print the version.", is_eager=True)] = False,
-) -> None:
-    """Handle the options before a command."""
-    if version:
+def print_version(wanted: bool) -> None:
+    """Print the version and end, if that is wanted."""
+    if wanted:
         print(f"crankslider {installed('crankslider')}")
         raise Exit
+
+
+VERSION = Annotated[
+    bool, Option("--version", help="Print the version.", callback=print_version, is_eager=True)
+]
+
+
+def about(version: VERSION = False) -> None:
+    """Handle the options before a command."""
 
 
 def print_rows(head: Sequence[str], rows: Any, as_json: bool = False) -> None:
@@ -265,7 +272,7 @@ def simulate(given: Given) -> None:
     from crankslider.run import require_outputs
 
     physics = given.to(library.read_scene)
-    given.to(require_outputs, scene=physics, inputs=[given["scene"]])
+    given.to(require_outputs, scene=physics, inputs=given.to(library.files_of))
     if "plot_columns" in given:  # of a run of no length
         short = physics.replace("end_time_s", SHORT * physics.end_time_s)
         library.simulate(short, given["engine"], samples=1).require_columns(given["plot_columns"])
@@ -280,7 +287,7 @@ def truth(given: Given) -> None:
     from crankslider.run import require_outputs
 
     physics = given.to(library.read_scene)
-    given.to(require_outputs, scene=physics, inputs=[given["scene"]])
+    given.to(require_outputs, scene=physics, inputs=given.to(library.files_of))
     with progress(physics.end_time_s):
         write(given, given.to(library.truth, scene=physics, end=None))
 

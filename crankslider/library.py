@@ -32,6 +32,7 @@ from engine_models.engine import MOST_SAMPLES, Engine, RunSettings, SimulationFa
 from engine_models.engines import engine_class, join
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
 from engine_models.scene.file import load as load_scene
+from engine_models.scene.file import sources
 from engine_models.scene.format import NonNegative, Positive
 from engine_models.scene.library import ALL_SCENES
 from engine_models.scene.plain_words import expect, no_numbers, one_of, refusal, shown, typed, unknown
@@ -100,6 +101,12 @@ def read_scene(scene: SomeScene, changes: Named | None = None, end: Seconds | No
     else:
         raise BadInput(unknown("scene", name, scenes, f"{one_of([*scenes])}, or a TOML file"))
     return own.replace(values) if values else own
+
+
+def files_of(scene: str, changes: Named | None = None) -> list[str]:
+    """Return the files that a scene is read from: its own and those of its tables."""
+    values = {field: as_toml(value) for field, value in (changes or {}).items()}
+    return [*map(str, sources(Path(scene), values))] if os.path.isfile(scene) else []
 
 
 def as_toml(value: object) -> object:

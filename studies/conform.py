@@ -339,7 +339,7 @@ def verdicts(engine: Engine) -> Iterator[Verdict]:
 
 
 def tried(claim: Callable[[Subject], Finding], subject: Subject) -> Finding:
-    """Return what a claim found: that it does not hold where the engine raises anything but that it refuses."""
+    """Return what a claim found; it does not hold where the engine raises anything, unless it refuses."""
     try:
         return claim(subject)
     except Exception as error:

@@ -41,7 +41,12 @@ def writing(argument: str, place: Path) -> Iterator[None]:
 
 
 def bug(error: BaseException) -> str:
-    """Return in one line what went wrong where: the file with its folder, since many files share a name."""
+    """Return in one line what went wrong where: the file with its folder, since many files share a name.
+
+    A library that cannot be loaded, as Exudyn without the system's libGL, is no bug.
+    """
+    if isinstance(error, ImportError):
+        return f"expected a library that can be loaded, got {' '.join(str(error).split())}"
     place = traceback.extract_tb(error.__traceback__)[-1]
     file = "/".join(Path(place.filename).parts[-2:])
     return f"bug at {file}:{place.lineno}: {type(error).__name__}: {error}"

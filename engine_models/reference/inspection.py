@@ -128,7 +128,7 @@ def _turning_points(scene: Scene, run: Trajectory) -> list[str]:
             zero_s = brentq(part, run.time_s[k], run.time_s[k + 1])
             angles_deg.add(round(10 * np.degrees(place(zero_s)[turning, 2])) % 3600)
         if angles_deg:
-            at = ", ".join(f"{angle / 10:g}" for angle in sorted(angles_deg))
+            at = ", ".join(f"{angle / 10:g}" for angle in sorted(angles_deg) if angle - 1 not in angles_deg)
             lines.append(f"{name} in the run: {of.bodies[turning].name} at {at} deg")
     return lines + _transmission(scene, run, sampled)
 

@@ -13,8 +13,6 @@ from engine_models.mechanics.quality import quality_of
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.building import mechanism_of
-from studies.judges.converged_truth import converged
-from tests.engines.runs import run
 from tests.helpers.crank_sliders import HELD
 
 each = pytest.mark.parametrize("engine", ENGINES)
@@ -78,75 +76,6 @@ def test_a_crank_that_is_held_takes_the_loads_torque(engine: str) -> None:
     assert run.guide_force_N["guide"][-1] == pytest.approx(-400 * np.tan(phi), rel=1e-5)
     rounding = make_engine(engine).simulate(HELD, RunSettings(1e-5, 10))
     assert quality_of(HELD, rounding).parts()["unaccounted_energy_part"] < 1e-4, "it is no energy"
-
-
-def gentle() -> Scene:
-    """Return a crank left free without weight, so slow that the pin meets its bearing at 0.4 mm/s."""
-    slow = {"gravity_m_s2": 0.0, "start.crank_speed_rad_s": 0.05, "end_time_s": 2.5}
-    return SCENES["clearance-free-0.5mm"]().replace(slow)
-
-
-@pytest.mark.parametrize(
-    ("engine", "settings", "step_s"),
-    [
-        ("reference", {}, 1e-4),
-        ("reference", {}, 1e-5),
-        ("reference", {"method": "dop853"}, 1e-2),
-        ("scipy", {}, 1e-3),
-    ],
-)
-def test_a_gentle_touch_is_one_impact_however_short_the_step(
-    engine: str, settings: dict[str, object], step_s: float
-) -> None:
-    """By independent equations: 2.3954398 s, 0.41101 mm/s, 0.3291 ms and 1.0875e-4 N s."""
-    found = make_engine(engine, **settings).simulate(gentle(), RunSettings(step_s, 10)).contacts["B"].impacts
-    assert found.time_s == pytest.approx([2.3954398], abs=5e-8)
-    assert found.approach_speed_m_s == pytest.approx([4.1101e-4], abs=5e-9)
-    assert found.duration_s == pytest.approx([3.291e-4], abs=5e-8)
-    assert found.normal_impulse_N_s == pytest.approx([1.0875e-4], abs=5e-9)
-
-
-def both(law: dict[str, object]) -> Scene:
-    """Return a rod between a crank and a slider at rest, with clearance at both its ends, thrown upwards."""
-    keys = ("y_m", "angle_rad", "velocity_x_m_s", "velocity_y_m_s", "angular_velocity_rad_s")
-    rest = dict.fromkeys(keys, 0.0)
-    wall = {"radial_clearance_m": 1e-3, "bearing_radius_m": 0.01, **law}
-    return Scene.checked(
-        {
-            "name": "both",
-            "end_time_s": 0.01,
-            "crank": {"length_m": 0.05, "mass_kg": 0.3, "inertia_kg_m2": 1e-4, "centre_of_mass_m": 0.0},
-            "rod": {"length_m": 0.12, "mass_kg": 0.2, "inertia_kg_m2": 2.4e-4, "centre_of_mass_m": 0.06},
-            "slider": {"mass_kg": 0.14, "inertia_kg_m2": 1e-4},
-            "start": {
-                "crank_angle_rad": 0.0,
-                "crank_speed_rad_s": 0.0,
-                "crank": {**rest, "x_m": 0.0},
-                "rod": {**rest, "x_m": 0.11, "velocity_y_m_s": 1.0},
-                "slider": {**rest, "x_m": 0.17},
-            },
-            "drive": {"kind": "constant-speed"},
-            "clearance": {"A": wall, "B": wall},
-        }
-    )
-
-
-def test_two_pins_that_touch_at_one_instant_both_do() -> None:
-    """Each contact takes 2.94327518 depth/speed of Hertz for half of the rod, each flight 2 ms.
-
-    Rigid walls are hit at 1 ms with 1 m/s, and with half of that four milliseconds later.
-    """
-    depth = (5 * 0.1 / (4 * 1e9)) ** 0.4
-    touches = 1e-3 + (2e-3 + 2.94327518 * depth) * np.arange(4)
-    hertz, rigid = both({"law": "hertz", "stiffness": 1e9}), both({"law": "rigid", "restitution": 0.5})
-    runs = [(run(name, hertz, 100, 10), touches, [1.0] * 4, 1e-10) for name in ("reference", "scipy")]
-    rebounds = [1e-3, 5e-3], [1.0, 0.5], 1e-12
-    runs += [(run("reference", rigid, 100, 10), *rebounds), (converged(rigid, 10)[0], *rebounds)]
-    for found, times, speeds, within in runs:
-        for joint in "AB":
-            impacts = found.contacts[joint].impacts
-            np.testing.assert_allclose(impacts.time_s, times, rtol=0, atol=within)
-            np.testing.assert_allclose(impacts.approach_speed_m_s, speeds, rtol=0, atol=100 * within)
 
 
 def test_a_law_by_a_function_of_its_own_is_named_in_a_scene_and_the_reference_alone_has_it() -> None:

@@ -1,4 +1,4 @@
-"""Rows in a store, for tests that make up what studies would have written."""
+"""Rows as studies would have written them, made up by tests, and in a store."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,6 +7,21 @@ from typing import Any
 import numpy as np
 
 from studies.store import Store
+
+
+def row(number: int, scene: str, engine: str, arm: str, step_s: float, **columns: Any) -> dict[str, Any]:
+    """Return the row of a finished run, or of one that ended as ``status`` and ``reason`` say."""
+    head = {
+        "case": f"{number:016d}",
+        "scene": scene,
+        "engine": engine,
+        "arm": arm,
+        "label": f"{engine} ({arm})",
+        "step_s": step_s,
+        "status": "ok",
+        "reason": "",
+    }
+    return {**head, **columns}
 
 
 def write_rows(

@@ -18,7 +18,7 @@ from reports.contents import CHAPTERS
 from reports.page import HALF_WIDTH, MOST, Claim, Figure, Table
 from reports.results import Results, Studies, frame, read_study
 from studies.registry import STUDIES
-from tests.end_to_end.written_rows import row
+from tests.helpers.row_files import row
 
 SCENE = "ideal-free"
 ERRORS_M = (1e-4, 1e-6, 1e-8)

@@ -1,6 +1,7 @@
 """The cost study's rounds: each times every rung, in an order of its own that comes out again."""
 
-from itertools import count
+from collections.abc import Iterable
+from itertools import repeat
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,28 +26,33 @@ def test_every_round_times_the_same_rungs_in_an_order_of_its_own() -> None:
     assert one == again, "which comes out again"
 
 
-END = np.zeros((3, 3))
+END = np.arange(9.0).reshape(3, 3)
 
 
 class Timed:
-    """An engine whose bare runs take these times."""
+    """An engine whose timed runs take these times, and whose second one ends off by some m."""
 
-    def __init__(self, *times_s: float) -> None:
-        self.times_s = iter(times_s)
+    def __init__(self, times_s: Iterable[float], off_m: float = 0.0) -> None:
+        self.times_s, self.ends = iter(times_s), iter([0.0, off_m])
 
     def simulate(self, *_: object) -> SimpleNamespace:
         return SimpleNamespace(position=END[None])
 
     def bare_run(self, *_: object) -> BareRun:
-        return BareRun(next(self.times_s), END)
+        end = END.copy()
+        end[1, 1] += next(self.ends, 0.0)
+        return BareRun(next(self.times_s), end)
 
 
-def rounds_of(monkeypatch: pytest.MonkeyPatch, repeats: int, rounds: int, *times_s: float) -> list[Row]:
-    """Return the rows of rounds of so many repeats each of a setting whose bare runs take these times."""
-    engine = Timed(*times_s)
+def install(monkeypatch: pytest.MonkeyPatch, engine: Timed, repeats: int) -> None:
     monkeypatch.setattr(cost, "make_engine", lambda *_, **__: engine)
     monkeypatch.setattr(cost, "REPEAT_S", 1e9)
     monkeypatch.setattr(cost, "REPEATS", repeats)
+
+
+def rounds_of(monkeypatch: pytest.MonkeyPatch, repeats: int, rounds: int, *times_s: float) -> list[Row]:
+    """Return the rows of rounds of so many repeats each of a setting whose timed runs take these times."""
+    install(monkeypatch, Timed(times_s), repeats)
     timed = next(case for case in cost.cases(full=False) if "round" in case.columns)
     return [cost.measure(timed)[0] for _ in range(rounds)]
 
@@ -81,21 +87,7 @@ def test_a_timed_run_that_ends_elsewhere_has_failed_and_says_when(
     scene: str, off_m: float, holds: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One of three bodies is off, in one direction, in the second repeat of three only."""
-    ends, recorded = count(), np.arange(9.0).reshape(3, 3)
-
-    class Drifting:
-        def simulate(self, *_: object) -> SimpleNamespace:
-            return SimpleNamespace(position=recorded[None])
-
-        def bare_run(self, *_: object) -> BareRun:
-            end = recorded.copy()
-            end[1, 1] += off_m if next(ends) == 1 else 0.0
-            return BareRun(1.0, end)
-
-    engine = Drifting()
-    monkeypatch.setattr(cost, "make_engine", lambda *_, **__: engine)
-    monkeypatch.setattr(cost, "REPEATS", 3)
-    monkeypatch.setattr(cost, "REPEAT_S", 1e9)
+    install(monkeypatch, Timed(repeat(1.0), off_m), 3)
     timed = next(c for c in cost.cases(False) if c.timed and c.scene.name == scene)
     row, _ = run_case(timed)
     if holds:

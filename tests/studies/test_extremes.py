@@ -7,8 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from engine_models.engine import RunSettings
-from engine_models.engines import make_engine
 from engine_models.scene.library import ideal_driven
 from reports.extremes import Verdict, answers, verdict_on
 from reports.results import frame
@@ -18,8 +16,8 @@ from tests.studies.truth.closed_forms.crank_slider import exact
 
 CASES = {(case.scene.name, case.engine, case.arm.name): case for case in extremes.cases(full=True)}
 RIGHT: Row = {"relative_error": 1e-4, "unaccounted_energy_part": 1e-4, "constraint_relative": 1e-6}
-#: A crank with clearance at B.
-LOOSE = "everyday c = 0.1 mm"
+#: Extremes that take seconds, or minutes: published rows have the reference's answers to them.
+SLOW = ("clearance 1e-310 m", "clearance 1 nm", "regularisation 1 µm/s")
 
 
 def row(name: str, engine: str = "reference", arm: str = "default") -> Row:
@@ -68,16 +66,6 @@ def test_the_error_of_a_case_is_the_largest_of_any_signal_in_parts_of_its_swing(
     off = extremes.relative_errors(scene, scene, replace(truth, joint_force_N=force))
     assert off["joint_A_force_N"] == pytest.approx(0.1, rel=0.05)
     assert off["joint_B_force_N"] < 1e-9
-
-
-def test_next_to_no_clearance_is_judged_as_an_ideal_joint_and_by_no_force() -> None:
-    values = {"end_time_s": 5e-4, "clearance.B.radial_clearance_m": 1e-9}
-    scene = extremes.gallery()[LOOSE].scene.replace(values)
-    ideal = scene.replace("clearance.B", None)
-    run = make_engine("reference").simulate(scene, RunSettings(1e-6, 20))
-    errors = extremes.relative_errors(scene, ideal, run)
-    assert {*errors} == {"slider_position_m", "slider_velocity_m_s"}
-    assert errors["slider_position_m"] < extremes.RIGHT["relative_error"]
 
 
 # Verdicts
@@ -137,20 +125,12 @@ def test_what_theory_asks_for_depends_on_the_case(
 # The reference
 
 
-@pytest.mark.parametrize("name", ["step at the limit", "step beyond the limit"])
-def test_at_the_step_of_all_the_reference_is_off_by_less_than_four_bounds(name: str) -> None:
-    measured = row(name)
-    assert judged(measured)["verdict"] is Verdict.INACCURATE
-    assert isinstance(error := measured["relative_error"], float)
-    assert error < 4 * extremes.RIGHT["relative_error"], f"{error:.2e}; 3.1e-3 and 3.6e-3 were measured"
-
-
 @pytest.mark.parametrize(
     "name",
     [
         name
         for name, extreme in extremes.gallery().items()
-        if extreme.group not in ("step", "length") and name != "clearance 1e-310 m"  # which takes minutes
+        if extreme.group not in ("step", "length") and name not in SLOW
     ],
 )
 def test_the_reference_does_what_theory_asks(name: str) -> None:

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine_models.engine import RunSettings
-from engine_models.engines import make_engine
 from engine_models.scene.scene import Scene
 from studies import predictability as study
 from studies.case import Case
@@ -76,19 +74,3 @@ def test_a_member_in_continuous_contact_has_no_impacts_and_a_deviation_of_one_cl
     deviation = row["rms_slider_deviation_m"]
     assert isinstance(deviation, float)
     assert 0.5 * 2e-5 < deviation < 1.2 * 2e-5  # penetration is a tenth of this clearance
-
-
-def test_a_members_numbers_are_those_of_its_run_after_the_transient() -> None:
-    case = of_part("reference (DOP853)")[3]
-    row, _ = study.measure(case)
-    run = make_engine("reference", method="dop853", step_tolerance=1e-8).simulate(
-        case.scene, RunSettings(1.0, 600)
-    )
-    impacts, contact = run.contacts["B"].impacts, run.contacts["B"]
-    late = impacts.time_s >= 4 * REVOLUTION_S
-    touching = bool(contact.penetration_m[-1] >= 0)
-    assert row["impacts_per_revolution"] == (late.sum() + touching) / 8
-    assert row["impact_speed_m_s"] == pytest.approx(impacts.approach_speed_m_s[late].mean(), rel=1e-14)
-    assert row["largest_contact_force_N"] == impacts.largest_normal_force_N[late].max()
-    assert row["flight_part"] == (contact.penetration_m[200:] < 0).mean()
-    assert row["revolutions"] == 8

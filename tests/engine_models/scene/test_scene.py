@@ -1,12 +1,9 @@
 """The short form of a scene: what a file of it says, and that it comes back as it was."""
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from engine_models.scene.file import from_toml
-from engine_models.scene.format import TorqueDrive
 from engine_models.scene.library import SCENES
 
 NAMES = st.text(st.characters(codec="utf-8"))
@@ -24,21 +21,6 @@ def test_a_scene_survives_a_file_that_names_no_other_joint(
     assert from_toml(text) == scene
     sections = [line for line in text.splitlines() if line.startswith("[clearance")]
     assert sections == ["[clearance.B]", "[clearance.B.friction]"]
-
-
-def test_integers_stand_for_numbers() -> None:
-    text = SCENES["ideal-torque"]().to_toml().replace("torque_N_m = 0.3", "torque_N_m = 3")
-    assert from_toml(text).short.drive == TorqueDrive(kind="torque", torque_N_m=3.0)
-
-
-def test_a_scene_cannot_be_changed() -> None:
-    with pytest.raises(ValidationError, match="frozen"):
-        SCENES["ideal-free"]().name = "other"
-
-
-def test_a_rod_shorter_than_the_crank_is_taken_where_it_reaches_the_guide_at_the_start() -> None:
-    short = SCENES["ideal-free"]().replace({"rod.length_m": 0.04, "start.crank_angle_rad": 0.5})
-    assert short.crank_slider()[1].length_m == 0.04
 
 
 def test_the_compressors_gas_is_that_of_a_polytrope_between_suction_and_discharge() -> None:

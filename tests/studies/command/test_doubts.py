@@ -13,7 +13,6 @@ from tests.helpers.command import crankslider
 
 #: Through set R's first impacts at steps of three degrees, past which a hundredth of the clearance is lost.
 SCENE = SCENES["clearance-driven-0.5mm"]().replace("end_time_s", 0.036)
-BAUMGARTE = {"stabilisation": "baumgarte"}
 
 
 def test_a_slider_that_shorter_steps_move_is_in_doubt_from_a_time_on() -> None:
@@ -30,7 +29,7 @@ def test_a_slider_that_shorter_steps_move_is_in_doubt_from_a_time_on() -> None:
         ({}, []),
         ({"step_tolerance": 1e-6}, ["step_tolerance changes nothing with method = rk4"]),
         ({"baumgarte_alpha_s": 50.0}, ["baumgarte_alpha_s changes nothing with stabilisation = projection"]),
-        (BAUMGARTE | {"baumgarte_alpha_s": 50.0}, []),
+        ({"stabilisation": "baumgarte", "baumgarte_alpha_s": 50.0}, []),
     ],
     ids="-".join,
 )

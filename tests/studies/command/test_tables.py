@@ -9,7 +9,6 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import crankslider as cs
-from engine_models.engines import ENGINES
 from engine_models.scene.file import from_toml
 from tests.helpers.command import crankslider, table_of
 from tests.input.scenes import base, changed
@@ -25,23 +24,6 @@ PRESSED = PRESS.replace("load", {"slider": {"gas": GAS}})
 TIMES, TURNED = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.0, 0.0, math.pi / 2, *[math.pi] * 4]
 DWELL = {"kind": "table", "time_s": TIMES, "angle_rad": TURNED}
 RESTS = PRESS.replace({"start.crank_speed_rad_s": 0.0, "drive": DWELL, "end_time_s": 0.6})
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_straight_lines_apply_what_is_between_the_points_and_the_driver_gives_it_back(engine: str) -> None:
-    frame = cs.simulate(PRESSED, engine, step=1e-4, samples=100).frame
-    bare = cs.simulate(PRESS, engine, step=1e-4, samples=100).frame
-    theta = frame["crank_angle_rad"]
-    applied = np.interp(theta, ANGLE, FORCE, period=2 * math.pi)
-    # By angles, 1000 N in 10 degrees: round-off of an angle makes 1e-12 N.
-    assert np.abs(frame["slider_gas_force_N"] - applied).max() < 1e-9
-    # Virtual work at constant speed: dx/dtheta = -r sin(theta) (1 + r cos(theta)/(L cos(phi))).
-    rod = np.sqrt(L**2 - (R * np.sin(theta)) ** 2)
-    torque = applied * R * np.sin(theta) * (1 + R * np.cos(theta) / rod)
-    found = frame["driver_torque_N_m"] - bare["driver_torque_N_m"]
-    # Pymunk's forces are those of half a step later, in which the gas may rise by a tenth.
-    allowed = {"pymunk": 0.1, "exudyn": 1e-2}.get(engine, 1e-9)
-    assert np.abs(found - torque).max() < allowed * np.abs(torque).max()
 
 
 def test_every_part_of_the_load_is_a_column_of_its_force() -> None:
