@@ -21,15 +21,12 @@ from operator import attrgetter
 from pathlib import Path
 from shlex import quote
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
+from typing import Annotated, Any, get_args, get_origin
 
 import typer
 from typer import Argument, Exit, Option, Typer
 
 from studies.failures import BadInput, Failed, bug, log, progress_console, writing
-
-if TYPE_CHECKING:
-    from crankslider.run import Run
 
 INTERRUPTED = 130
 #: Time between lines on the progress of a simulation, in s.
@@ -44,6 +41,7 @@ PLACED = {"scene": "SCENE", "studies": "[STUDY]...", "name": "[NAME]"}
 NAMED = {
     "changes": ("--with",),
     "settings": ("--set",),
+    "vary": ("--vary",),
     "engines": ("--engine",),
     "start": ("--from", "--start"),
     "table": ("--from",),
@@ -53,27 +51,21 @@ NAMED = {
 FORMS = {"changes": "FIELD=VALUE", "settings": "KEY=VALUE", "vary": "FIELD=VALUES"}
 QUIET = Annotated[bool, Option("--quiet", help="Print neither notes nor progress, and no table of samples.")]
 
-#: The commands, each with the names of those in ``library`` whose arguments are options of it.
-COMMANDS: dict[Callable[..., None], tuple[str, ...]] = {}
+
+def of_library(name: str) -> Callable[..., Any]:
+    """Return a function of ``library``, which takes a second to load."""
+    return attrgetter(name)(import_module("crankslider.library"))  # type: ignore[no-any-return]
 
 
 class Given(dict[str, Any]):
     """What was typed of a command's options, by the names of arguments."""
 
-    def to(self, function: Callable[..., Any], **more: Any) -> Any:
-        """Return what a function makes of those that it has, and of others."""
+    def to(self, function: str | Callable[..., Any], **more: Any) -> Any:
+        """Return what a function, or one of ``library``, makes of those that it has, and of others."""
+        if isinstance(function, str):
+            function = of_library(function)
         names = inspect.signature(function).parameters
         return function(**{name: it for name, it in self.items() if name in names} | more)
-
-
-def command(*paths: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Make a function a command with the options of some in ``library``: it gets them as ``Given``."""
-
-    def register(function: Callable[..., None]) -> Callable[..., None]:
-        COMMANDS[function] = paths
-        return function
-
-    return register
 
 
 def make_app(name: str) -> Typer:
@@ -92,40 +84,32 @@ def make_app(name: str) -> Typer:
 
 def with_options(function: Callable[..., None], paths: Sequence[str]) -> Callable[..., None]:
     """Return a command as typer takes it: all its options are text, lists of texts or flags."""
-    functions = [attrgetter(name)(import_module("crankslider.library")) for name in paths]
-    options = {name: it for each in (*functions, function) for name, it in options_of(each)}
-    own = inspect.signature(function).parameters.keys() - {"given"}
+    options = {name: it for each in (*map(of_library, paths), function) for name, it in options_of(each)}
+    quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=QUIET)
 
     def run(quiet: bool, **values: Any) -> None:
         log.setLevel(logging.WARNING if quiet else logging.INFO)
         given = Given({name: it for name, it in values.items() if it not in (None, [])})
         for name in given.keys() & FORMS.keys():
-            given[name] = assigned(NAMED.get(name, (name,))[0].lstrip("-"), FORMS[name], given[name])
-        arguments = {name: values[name] for name in own}
-        function(*([given] if paths else []), **arguments)
+            given[name] = assigned(NAMED[name][0].lstrip("-"), FORMS[name], given[name])
+        given.to(function, **({"given": given} if paths else {}))
 
-    quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=QUIET)
     run.__signature__ = inspect.Signature([*options.values(), quiet])  # type: ignore[attr-defined]
     return run
 
 
 def options_of(function: Callable[..., Any]) -> Iterator[tuple[str, inspect.Parameter]]:
     """Yield the arguments that a docstring describes as typer's parameters, by their names."""
-    function = inspect.unwrap(function)
-    parameters = inspect.signature(function).parameters
     for name, text in described(function)[1].items():
-        it = parameters[name]
-        several = {get_origin(each) for each in (it.annotation, *get_args(it.annotation))} & {
-            Mapping,
-            Sequence,
-        }
-        kind: Any = bool if it.default is False else list[str] | None if several else str | None
+        it = inspect.signature(inspect.unwrap(function)).parameters[name]
+        origins = {get_origin(each) for each in (it.annotation, *get_args(it.annotation))}
+        several, flag = bool(origins & {Mapping, Sequence}), it.default is False
+        kind: Any = bool if flag else list[str] | None if several else str | None
         if name in PLACED:
             info = Argument(metavar=PLACED[name], help=text)
         else:
-            dashed = f"--{name.replace('_', '-')}"
-            metavar = None if kind is bool else FORMS.get(name, name.upper())
-            info = Option(*NAMED.get(name, (dashed,)), metavar=metavar, help=text)
+            names = NAMED.get(name, (f"--{name.replace('_', '-')}",))
+            info = Option(*names, metavar=None if flag else FORMS.get(name, name.upper()), help=text)
         default = None if several else it.default
         yield name, it.replace(default=default, annotation=Annotated[kind, info], kind=it.KEYWORD_ONLY)
 
@@ -179,7 +163,6 @@ def print_rows(head: Sequence[str], rows: Any, as_json: bool = False) -> None:
         print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
 
 
-@command()
 def scenes(as_json: bool = False) -> None:
     """List the scenes of the library.
 
@@ -197,7 +180,6 @@ def scenes(as_json: bool = False) -> None:
     print_rows(("scene", "drive", "clearance", "end time", "about"), rows, as_json)
 
 
-@command()
 def engines(name: str | None = None, as_json: bool = False) -> None:
     """List the engines, their settings and the library scenes that each can run.
 
@@ -205,51 +187,35 @@ def engines(name: str | None = None, as_json: bool = False) -> None:
         name: describe this engine in full.
         as_json: print JSON.
     """
-    from engine_models.engine import UnsupportedScene
-    from engine_models.engines import ENGINES, engine_class, make_engine
-    from engine_models.scene.library import ALL_SCENES
-    from engine_models.scene.plain_words import expectation, fields, shown, unknown
+    from crankslider.library import describe_engine
+    from engine_models.engines import ENGINES
+    from engine_models.scene.plain_words import unknown
 
     if name is not None and name not in ENGINES:
         raise BadInput(unknown("NAME", name, ENGINES))
-    listed = []
-    for each in ENGINES if name is None else [name]:
-        kind, refused = engine_class(each), dict[str, str]()
-        for scene, make in ALL_SCENES.items():
-            try:
-                make_engine(each).check(make())
-            except UnsupportedScene as reason:
-                refused[scene] = str(reason)
-        text = inspect.cleandoc(kind.__doc__ or "")
-        settings = [(f"  {key}", shown(it["default"]), expectation(it)) for key, it in fields(kind).items()]
-        listed.append({"engine": each, "about": text, "settings": settings, "refused": refused})
-        if not as_json:
-            print(f"{each}: {text if name else text.partition(chr(10))[0]}")
-            print_rows((), settings)
-            for refusal in dict.fromkeys(refused.values()):
-                print(
-                    f"  not {', '.join(s for s, reason in refused.items() if reason == refusal)}: {refusal}"
-                )
+    described = [describe_engine(each) for each in ([name] if name else ENGINES)]
+    for each in () if as_json else described:
+        print(f"{each['engine']}: {each['about'] if name else each['about'].partition(chr(10))[0]}")
+        print_rows((), each["settings"])
+        for reason in dict.fromkeys(each["refused"].values()):
+            some = [scene for scene, why in each["refused"].items() if why == reason]
+            print(f"  not {', '.join(some)}: {reason}")
     if as_json:
-        print(json.dumps(listed, indent=2))
+        print(json.dumps(described, indent=2))
 
 
-@command("read_scene")
 def show(given: Given) -> None:
     """Print a scene as TOML, as a template for a file of your own."""
-    from crankslider.library import read_scene
-
-    print(given.to(read_scene).to_toml(), end="")
+    print(given.to("read_scene").to_toml(), end="")
 
 
-@command("read_scene")
 def check(given: Given) -> None:
     """Tell freedoms and start of a mechanism, singular positions, dead centres, transmission angles."""
-    from crankslider.library import read_scene, refusing
+    from crankslider.library import refusing
     from engine_models.engine import ImpossibleStart
     from engine_models.reference.inspection import inspect
 
-    physics = given.to(read_scene)
+    physics = given.to("read_scene")
     try:
         with refusing(), progress(physics.end_time_s):
             print("\n".join(inspect(physics)))
@@ -257,7 +223,6 @@ def check(given: Given) -> None:
         raise BadInput(str(reason)) from None
 
 
-@command()
 def schema() -> None:
     """Print the JSON schema of scene files, with which editors complete and check them."""
     from engine_models.scene.schema import scene_schema
@@ -265,77 +230,59 @@ def schema() -> None:
     print(json.dumps(scene_schema(), indent=2, ensure_ascii=False))
 
 
-@command("read_scene", "simulate", "Run.write")
 def simulate(given: Given) -> None:
     """Run a scene; write motion, forces and energy as a table, on request impacts, a figure, an animation."""
-    from crankslider import library
-    from crankslider.run import require_outputs
-
-    physics = given.to(library.read_scene)
-    given.to(require_outputs, scene=physics, inputs=given.to(library.files_of))
-    if "plot_columns" in given:  # of a run of no length
-        short = physics.replace("end_time_s", SHORT * physics.end_time_s)
-        library.simulate(short, given["engine"], samples=1).require_columns(given["plot_columns"])
-    with progress(physics.end_time_s):
-        write(given, given.to(library.simulate, scene=physics, end=None))
+    write(given, "simulate")
 
 
-@command("read_scene", "truth", "Run.write")
 def truth(given: Given) -> None:
     """Write the reference solution of a scene, independent of all engines, as far as it is predictable."""
-    from crankslider import library
-    from crankslider.run import require_outputs
-
-    physics = given.to(library.read_scene)
-    given.to(require_outputs, scene=physics, inputs=given.to(library.files_of))
-    with progress(physics.end_time_s):
-        write(given, given.to(library.truth, scene=physics, end=None))
+    write(given, "truth")
 
 
-def write(given: Given, run: "Run") -> None:
+def write(given: Given, solve: str) -> None:
     """Write what was asked for of a run, without files its samples to stdout, and notes."""
+    scene = given.to("read_scene")
+    given.to("require_outputs", scene=scene, inputs=given.to("files_of"))
+    if columns := given.get("plot_columns"):  # of a run of no length
+        given["plot_columns"] = columns = [name for each in columns for name in each.split(",")]
+        short = Given({name: it for name, it in given.items() if name in ("engine", "settings")})
+        short.to(solve, scene=scene, end=SHORT * scene.end_time_s, samples=1).require_columns(columns)
     if not given.keys() & {"out", "impacts", "plot", "animate"} and log.isEnabledFor(logging.INFO):
         given["out"] = "-"
-    given.to(run.write)
+    with progress(scene.end_time_s):
+        run = given.to(solve, scene=scene, end=None)
+        given.to(run.write)
     for note in run.notes():
         log.info(note)
 
 
-@command("read_scene", "sweep")
 def sweep(given: Given) -> None:
     """Run a scene with many values of its fields, one row each; an interrupted sweep resumes.
 
     Revolutions are those of the crank, or of the scene's turning body, at its speed at the start. Without
     such a speed, one revolution is the scene's end time.
     """
-    from crankslider import library
-
     given.setdefault("out", "sweep.parquet")
-    swept = given.to(library.sweep, scene=given.to(library.read_scene))
+    swept = given.to("sweep", scene=given.to("read_scene"))
     log.info(f"{len(swept.frame)} rows are in {given['out']}")
 
 
-@command("run_studies")
 def run(given: Given) -> None:
     """Run studies; finished cases are saved and skipped the next time."""
-    from crankslider.library import run_studies
-
-    given.to(run_studies)
+    given.to("run_studies")
     log.info(f"the results are in {given['out']}")
 
 
-@command("read_scene", "compare")
 def compare(given: Given, as_json: bool = False) -> None:
     """Compare engines on a scene: which configuration and setting to use, with its error and run time.
 
     Args:
         as_json: print JSON.
     """
-    from crankslider import library
-
     changes = [f"--with {quote('='.join(change))}" for change in given.get("changes", {}).items()]
     typed = " ".join([quote(given["scene"]), *changes])
-    result = given.to(library.compare, scene=given.to(library.read_scene), given=typed)
+    result = given.to("compare", scene=given.to("read_scene"), given=typed)
     result.save(result.folder)
     table = result.table()
     print(table.to_json(orient="records", indent=2) if as_json else table.to_string(index=False))
@@ -344,7 +291,6 @@ def compare(given: Given, as_json: bool = False) -> None:
     log.info(f"the page is {result.folder / 'index.html'}")
 
 
-@command()
 def conform(
     name: str | None = None,
     table: str | None = None,
@@ -367,18 +313,16 @@ def conform(
     """
     from rich.progress import track
 
-    from crankslider import library
+    from crankslider.library import verdicts_on, verdicts_on_file
     from studies.baselines import require_baselines
 
-    require_reason(accept, why)
-    if accept and baselines is None:
-        raise BadInput("accept: expected a folder with baselines to write to, got none")
     if (name is None) == (table is None) or (table_scene is None) != (table is None):
         raise BadInput("ENGINE: expected an engine, or --from FILE.csv with --scene SCENE, got another call")
-    if baselines is not None:
-        require_baselines(Path(baselines), accept)
+    if accept and baselines is None:
+        raise BadInput("accept: expected a folder with baselines to write to, got none")
+    require_baselines(None if baselines is None else Path(baselines), accept, why)
     subject = str(name or table)
-    checks = library.verdicts_on_file(subject, str(table_scene)) if table else library.verdicts_on(subject)
+    checks = verdicts_on_file(subject, str(table_scene)) if table else verdicts_on(subject)
     verdicts = [*track(checks, subject, None, console=progress_console(), transient=True)]
     if as_json:
         print(json.dumps([each._asdict() for each in verdicts], indent=2))
@@ -395,7 +339,6 @@ def conform(
         print_differences([subject], Path(baselines), why, as_json)
 
 
-@command()
 def baseline(accept: bool = False, why: str | None = None, as_json: bool = False) -> None:
     """Compare the accuracy of all configurations with baselines; exit code 1 if a number left its band.
 
@@ -404,11 +347,11 @@ def baseline(accept: bool = False, why: str | None = None, as_json: bool = False
         why: the reason why the numbers changed.
         as_json: print JSON.
     """
-    from engine_models.arms import NAMED as CONFIGURATIONS
-    from studies.baselines import FOLDER
+    from engine_models.arms import NAMED as ENGINES
+    from studies.baselines import FOLDER, require_baselines
 
-    require_reason(accept, why)
-    print_differences(CONFIGURATIONS, FOLDER, why, as_json)
+    require_baselines(FOLDER, accept, why)
+    print_differences(ENGINES, FOLDER, why, as_json)
 
 
 def print_differences(engines: Iterable[str], folder: Path, why: str | None, as_json: bool) -> None:
@@ -421,14 +364,6 @@ def print_differences(engines: Iterable[str], folder: Path, why: str | None, as_
         raise Failed(f"{len(lines)} numbers left their bands")
 
 
-def require_reason(accept: bool, why: str | None) -> None:
-    """Raise BadInput if there is acceptance without a reason, or a reason without acceptance."""
-    if accept != bool(why and why.strip()):
-        came = "none" if accept else "one without accept"
-        raise BadInput(f"why: expected a reason with accept, got {came}")
-
-
-@command()
 def report(results: str = "results", out: str = "report", against: str | None = None) -> None:
     """Write the HTML page, its figures as SVG and its tables as CSV from results, and print the answer.
 
@@ -480,6 +415,24 @@ def progress(end_time_s: float) -> Iterator[None]:
 
     with told_to(tell):
         yield
+
+
+#: The commands, each with the names of those in ``library`` whose arguments are options of it.
+COMMANDS: dict[Callable[..., None], tuple[str, ...]] = {
+    scenes: (),
+    engines: (),
+    show: ("read_scene",),
+    check: ("read_scene",),
+    schema: (),
+    simulate: ("read_scene", "simulate", "Run.write"),
+    truth: ("read_scene", "truth", "Run.write"),
+    sweep: ("read_scene", "sweep"),
+    run: ("run_studies",),
+    compare: ("read_scene", "compare"),
+    conform: (),
+    baseline: (),
+    report: (),
+}
 
 
 def interrupt(_: int, frame: FrameType | None) -> None:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from inspect import cleandoc
 from pathlib import Path
 from tempfile import mkdtemp
 from types import MappingProxyType
@@ -18,16 +19,7 @@ from warnings import warn
 import numpy as np
 from pydantic import Field, InstanceOf, TypeAdapter, ValidationError
 
-from crankslider.run import (
-    Comparison,
-    Run,
-    Sweep,
-    TrueRun,
-    picture,
-    require_file,
-    require_outputs,
-    write_file,
-)
+from crankslider.run import Run, Sweep, picture, require_file, require_outputs, write_file
 from engine_models.engine import MOST_SAMPLES, Engine, RunSettings, SimulationFailed, UnsupportedScene, plain
 from engine_models.engines import engine_class, join
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
@@ -35,7 +27,17 @@ from engine_models.scene.file import load as load_scene
 from engine_models.scene.file import sources
 from engine_models.scene.format import NonNegative, Positive
 from engine_models.scene.library import ALL_SCENES
-from engine_models.scene.plain_words import expect, no_numbers, one_of, refusal, shown, typed, unknown
+from engine_models.scene.plain_words import (
+    expect,
+    expectation,
+    fields,
+    no_numbers,
+    one_of,
+    refusal,
+    shown,
+    typed,
+    unknown,
+)
 from engine_models.scene.scene import Scene
 from studies.failures import BadInput, Failed, writing
 from studies.whole_file import require_folder
@@ -45,6 +47,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 if TYPE_CHECKING:
+    from crankslider.comparing import Comparison
     from studies.conform import Verdict
 
 __version__ = version("crankslider")
@@ -141,6 +144,18 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
     return engine
 
 
+def describe_engine(name: str) -> dict[str, Any]:
+    """Return what an engine is, its settings, and the scenes that it refuses with the reasons."""
+    kind, refused = engine_class(name), dict[str, str]()
+    for scene in scenes.values():
+        try:
+            kind().check(scene)
+        except UnsupportedScene as reason:
+            refused[scene.name] = str(reason)
+    settings = [(f"  {key}", shown(it["default"]), expectation(it)) for key, it in fields(kind).items()]
+    return {"engine": name, "about": cleandoc(kind.__doc__ or ""), "settings": settings, "refused": refused}
+
+
 @check_arguments
 def simulate(
     scene: SomeScene,
@@ -218,7 +233,7 @@ def refusing() -> Iterator[None]:
 
 
 @check_arguments
-def truth(scene: SomeScene, *, end: Seconds | None = None, samples: Samples = 120) -> TrueRun:
+def truth(scene: SomeScene, *, end: Seconds | None = None, samples: Samples = 120) -> Run:
     """Return the reference solution of a scene, for the validation of other solvers.
 
     It is independent of all engines. Its samples end at the predictability horizon, where two solutions
@@ -249,7 +264,7 @@ def compare(
     error: Number | None = None,
     signal: str | None = None,
     given: str | None = None,
-) -> Comparison:
+) -> "Comparison":
     """Compare engines on a scene and return rows, a recommendation, and a page that can be saved.
 
     Engines are judged by the largest error of a signal. The one is recommended that is at or below the error

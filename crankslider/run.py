@@ -29,15 +29,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from reports.results import Results
-    from reports.standings import Standings
 
 #: Endings of the files of tables, of figures and of animations; and the place of no file.
-TABLES, PICTURES, FILMS = (
-    (".csv", ".json", ".parquet", ""),
-    (".png", ".svg", ".pdf"),
-    (".html", ".gif", ".mp4"),
-)
+TABLES, PICTURES = (".csv", ".json", ".parquet", ""), (".png", ".svg", ".pdf")
+FILMS = (".html", ".gif", ".mp4")
 STDOUT = Path("-")
 #: A note says that samples miss the largest contact force by more than this part of it.
 MISSED = 0.1
@@ -59,7 +54,8 @@ class Run:
 
     ``engine`` has the settings that ran. ``tolerance_m`` is the tolerance of the slider position, or None.
     ``warnings`` has a line for each doubt about the run. ``trajectory`` has all results as arrays. What is
-    before ``start_s`` is a transient.
+    before ``start_s`` is a transient. ``certain_m`` is the uncertainty of a reference solution, of
+    the slider or what else is observed, of an angle times the longest lever; ``by`` says who solved it.
     """
 
     scene: Scene
@@ -69,6 +65,8 @@ class Run:
     warnings: tuple[str, ...] = ()
     tolerance_m: float | None = None
     start_s: float = 0.0
+    certain_m: float = 0.0
+    by: str = ""
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
@@ -103,7 +101,7 @@ class Run:
         return self._largest_force(self.start_s)
 
     def _largest_force(self, start_s: float) -> ContactForce | None:
-        forces, clearances = [], self.scene.clearances
+        forces, clearances = list[ContactForce](), self.scene.clearances
         for joint, contact in self.trajectory.contacts.items():
             force = np.append(contact.normal_force_N, contact.impacts.largest_normal_force_N)
             times = np.append(self.trajectory.time_s, contact.impacts.largest_normal_force_time_s)
@@ -123,9 +121,6 @@ class Run:
         """Return a figure of position, velocity, forces and energy over time, or of ``columns`` of the frame.
 
         The largest contact force is marked, also if it lies between samples.
-
-        Raises:
-            BadInput: there is no such column.
         """
         from reports.run_figures import time_plot
 
@@ -144,30 +139,20 @@ class Run:
 
     @check_arguments
     def plot_orbit(self, joint: str) -> "Figure":
-        """Return a figure of the path of a joint's pin in its clearance circle.
-
-        Raises:
-            BadInput: the joint has no clearance.
-        """
+        """Return a figure of the path of a joint's pin in its clearance circle."""
         from reports.run_figures import orbit_plot
 
         clearances = self.scene.clearances
         if joint not in clearances:
-            expected = "a scene with clearance"
-            if clearances:
-                expected = f"{one_of([*clearances])}, which has clearance"
+            expected = (
+                f"{one_of([*clearances])}, which has clearance" if clearances else "a scene with clearance"
+            )
             raise BadInput(f"joint: expected {expected}, got {shown(joint)}")
         return orbit_plot(self.frame, joint, clearances[joint].radial_clearance_m, self._title)
 
     @check_arguments
     def animate(self, file: Place, exaggerate: Positive = 1.0) -> None:
-        """Write an animation of the mechanism, with joint forces as arrows, to a .html, .gif or .mp4 file.
-
-        Clearances are enlarged by the factor ``exaggerate``.
-
-        Raises:
-            BadInput: the file has another ending or cannot be written, or it is .mp4 without ffmpeg.
-        """
+        """Write an animation of the mechanism, with joint forces as arrows, to a .html, .gif or .mp4 file."""
         require_outputs(self.scene, animate=file)
         self.write(animate=file, exaggerate=exaggerate)
 
@@ -190,9 +175,6 @@ class Run:
             animate: animate the mechanism to .html, .gif or .mp4.
             plot_columns: columns that the figure shows, A,B.
             exaggerate: enlarge clearances in the animation by this factor.
-
-        Raises:
-            BadInput: a file cannot be written.
         """
         contents = {}
         for name, place, columns in (("out", out, self._samples), ("impacts", impacts, self._impacts)):
@@ -218,11 +200,9 @@ class Run:
             import pyarrow as pa
             from pyarrow import parquet
 
-            made_by = {
-                name: it if isinstance(it, str) else json.dumps(it) for name, it in self.made_by.items()
-            }
+            texts = {name: it if isinstance(it, str) else json.dumps(it) for name, it in self.made_by.items()}
             sink = io.BytesIO()
-            parquet.write_table(pa.table(dict(columns)).replace_schema_metadata(made_by), sink)
+            parquet.write_table(pa.table(dict(columns)).replace_schema_metadata(texts), sink)
             return sink.getvalue()
         lists = {name: values.tolist() for name, values in columns.items()}
         if ending == ".json":
@@ -235,6 +215,7 @@ class Run:
     @property
     def made_by(self) -> dict[str, Any]:
         """Provenance of the run: version, engine, settings, steps, quality, and the scene as TOML."""
+        true = {"settings": {}, "certain_m": self.certain_m, "by": self.by} if self.by else {}
         return {
             "version": version("crankslider"),
             "engine": self.engine_name,
@@ -246,18 +227,28 @@ class Run:
             "quality": self.quality.parts(),
             "warnings": list(self.warnings),
             "scene": self.scene.to_toml(),
+            **true,
         }
 
     def notes(self) -> list[str]:
-        """Return a line each on the start, the quality, the steps and the largest force of the run."""
+        """Return a line each on the start, the quality, the steps and the largest force of the run.
+
+        Of a reference solution there is one on its uncertainty, its end and its method.
+        """
+        steps, allowed_s, end_s = self.trajectory.steps, self.trajectory.step_s, self.trajectory.time_s[-1]
+        if self.by:
+            certain = f"{self.certain_m:.1e} m"
+            if self.scene.observed.what == "angle":
+                certain = f"{self.certain_m / lever_m(self.scene):.1e} rad"
+            line = f"{self.scene.observed.name} is certain to {certain} until t = {end_s:.6g} s, by {self.by}"
+            return [line, *self._notes_of_force()]
         method = vars(self.engine).get("method")
-        of_method = f" of {method}" if method else ""
-        steps, allowed_s = self.trajectory.steps, self.trajectory.step_s
-        mean_s = self.trajectory.time_s[-1] / max(steps, 1)
+        mean_s = end_s / max(steps, 1)
         how_long = f"{mean_s:.3g} s on average, up to {allowed_s:.6g} s allowed"
         if mean_s > 0.99 * allowed_s:
             how_long = f"the longest {allowed_s:.6g} s"
-        lines = [f"quality: {self.quality.summary()}", f"{steps} steps{of_method}, {how_long}"]
+        lines = [f"quality: {self.quality.summary()}"]
+        lines.append(f"{steps} steps{f' of {method}' if method else ''}, {how_long}")
         if (moved := self.scene.placed.moved) is not None:
             lines.insert(0, f"start put together: {moved} from what the file tells")
         return lines + self._notes_of_force()
@@ -293,32 +284,6 @@ class Run:
         return card(self._title, [*self.notes(), *self.warnings], self.plot())
 
 
-@dataclass(frozen=True, repr=False, kw_only=True)
-class TrueRun(Run):
-    """A reference solution up to the predictability horizon.
-
-    ``certain_m`` is the uncertainty of the slider, of a pendulum's pin along its arc, or of what the scene
-    observes: of an angle times the longest lever. ``by`` says who solved it.
-    """
-
-    certain_m: float
-    by: str
-
-    @property
-    def made_by(self) -> dict[str, Any]:
-        """Provenance as of a run, with the uncertainty in place of an engine's settings."""
-        return {**super().made_by, "settings": {}, "certain_m": self.certain_m, "by": self.by}
-
-    def notes(self) -> list[str]:
-        """Return a line each on the uncertainty, the method and the end, and on the largest force."""
-        certain = f"{self.certain_m:.1e} m"
-        if self.scene.observed.what == "angle":
-            certain = f"{self.certain_m / lever_m(self.scene):.1e} rad"
-        end = self.trajectory.time_s[-1]
-        line = f"{self.scene.observed.name} is certain to {certain} until t = {end:.6g} s, by {self.by}"
-        return [line, *self._notes_of_force()]
-
-
 @dataclass(frozen=True)
 class Sweep:
     """A finished sweep: ``frame`` has its rows, one per member, over the ``fields`` that differ."""
@@ -339,11 +304,7 @@ class Sweep:
 
     @check_arguments
     def plot(self, show: str | None = None) -> "Figure":
-        """Return the figure over the one or two fields that differ, of the column ``show`` or of a default.
-
-        Raises:
-            BadInput: there is no figure of that number of fields, or no such column.
-        """
+        """Return the figure over the one or two fields that differ, of a column or of a default one."""
         from reports.run_figures import NoPicture, sweep_picture
 
         numbers = list(self.frame.columns[list(self.frame).index("warnings") + 1 :])
@@ -361,68 +322,6 @@ class Sweep:
         return bytes(self.frame.to_parquet(index=False))
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """A comparison of engines on a scene.
-
-    ``results`` has the rows and their curves. ``run`` is the recommended run with more samples, None if there
-    is no recommendation. ``given`` is the scene as it is typed in a command, ``folder`` has the kept rows.
-    """
-
-    scene: Scene
-    results: "Results"
-    run: Run | None
-    given: str
-    folder: Path
-
-    @property
-    def frame(self) -> "pd.DataFrame":
-        """The rows, one per recorded or timed run, with settings, errors, times and reasons."""
-        return self.results.rows
-
-    @cached_property
-    def standings(self) -> "Standings":
-        """The result of every engine."""
-        from reports.standings import Standings
-
-        return Standings.of(self.frame)
-
-    @property
-    def recommendation(self) -> str:
-        """The recommended engine and setting, its cost, and its limit, in sentences."""
-        from reports.standings import sentences
-
-        return "\n".join(sentences(self.standings, self.given))
-
-    def table(self) -> "pd.DataFrame":
-        """Return a line for each engine, as on the page."""
-
-        from reports.standings import standings_table
-
-        return standings_table(self.standings).cells()
-
-    @check_arguments
-    def save(self, folder: Place) -> None:
-        """Write the page, ``index.html``, its figures and tables, and the rows, ``rows.csv``, to a folder.
-
-        Raises:
-            BadInput: the folder cannot be written.
-        """
-        from reports.comparison import write_comparison
-
-        place, pictures = Path(folder), {}
-        if self.run is not None:
-            pictures["What does the recommended run look like?"] = self.run.plot()
-            for joint in self.scene.joints_with_clearance:
-                pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
-        with writing("folder", place):
-            write_comparison(place, self.results, pictures, self.scene.to_toml(), self.given)
-            write_whole(place / "rows.csv", self.frame.to_csv(index=False).encode("utf-8"))
-
-    def __repr__(self) -> str:
-        return self.recommendation
-
-
 @check_arguments
 def require_outputs(
     scene: InstanceOf[Scene],
@@ -433,11 +332,7 @@ def require_outputs(
     animate: Place | None = None,
     exaggerate: Times = 1.0,
 ) -> None:
-    """Refuse, before any work, files that cannot be written, have other endings, or are read already.
-
-    Raises:
-        BadInput: it is so, there are no impacts, or nothing is animated that could be exaggerated.
-    """
+    """Refuse, before any work, files that cannot be written, have other endings, or are taken already."""
     if exaggerate != 1.0 and animate is None:
         raise BadInput(f"exaggerate: expected nothing without animate, got {exaggerate:g}")
     if impacts is not None and not scene.joints_with_clearance:

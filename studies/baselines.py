@@ -159,13 +159,17 @@ def read(folder: Path) -> pd.DataFrame:
         raise BadInput(f"baselines: expected {folder / FILE}, got '{reason}': {todo}") from None
 
 
-def require_baselines(folder: Path, accept: bool) -> None:
-    """Refuse a folder in which no baselines are, or none can be written, before any work."""
-    if not accept:
+def require_baselines(folder: Path | None, accept: bool, why: str | None) -> None:
+    """Refuse, before any work, acceptance without a reason, and a folder that cannot be read or written."""
+    if accept != bool(why and why.strip()):
+        raise BadInput(
+            f"why: expected a reason with accept, got {'none' if accept else 'one without accept'}"
+        )
+    if accept and folder is not None:
+        with writing("baselines", folder):
+            require_folder(folder)
+    elif folder is not None:
         read(folder)
-        return
-    with writing("baselines", folder):
-        require_folder(folder)
 
 
 def compare_or_accept(engines: Collection[str], folder: Path, why: str | None) -> list[str]:

@@ -31,9 +31,6 @@ ROOT = Path(__file__).parents[1]
 #: The folders whose files decide numbers, and the distributions whose versions do.
 CODE = ("reference_solver", "engine_models", "studies")
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "exudyn", "pymunk")
-#: The engines with machine code of this project, and the studies that ask for reference solutions.
-COMPILED = ("reference", "scipy", "exudyn", "pymunk")
-JUDGED = ("accuracy", "cost", "predictability", "stability", "extremes", "comparison")
 #: The wall time in s of a case that has no limit of its own, kernels and reference solutions included. The
 #: longest of the full set take a minute: what takes thirty times as long will never end.
 LIMIT_S = 1800.0
@@ -65,13 +62,6 @@ class Case:
     def settings(self) -> dict[str, Setting]:
         """The engine's settings, the configuration's and the added ones."""
         return {**self.arm.settings, **self.added}
-
-    @property
-    def compiles(self) -> frozenset[str]:
-        """What machine code the case needs that others need too: its engine's, and that of the truth."""
-        loop = "reference, with contacts" if self.scene.joints_with_clearance else "reference"
-        engines = {self.engine, "reference", "scipy"} if self.study in JUDGED else {self.engine}
-        return frozenset(loop if engine == "reference" else engine for engine in engines & {*COMPILED})
 
     @property
     def key(self) -> str:

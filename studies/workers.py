@@ -8,9 +8,9 @@ import os
 import pickle
 import signal
 import sys
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from multiprocessing import current_process, get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -31,8 +31,8 @@ FROM_OUTSIDE = {
     *(getattr(signal, f"SIG{n}", 0) for n in ("KILL", "HUP", "QUIT")),
 }
 #: A process that has not imported what a call needs within this time never will; one that has closed its pipe
-#: is dead within that time; and what takes longer than the last is not compiled, but runs, or hangs, in s.
-BEGINNING_S, DYING_S, COMPILING_S = 600.0, 5.0, 60.0
+#: is dead within that time, in s.
+BEGINNING_S, DYING_S = 600.0, 5.0
 #: The exit code of a process that imports a script which calls for processes itself.
 NO_MAIN_GUARD = 113
 #: What keeps the current folder out of the path of a Python that starts, from 3.11 on.
@@ -173,29 +173,20 @@ class Pool:
     def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
         """Yield every item, which has a ``limit_s``, and what its call gave, as it ends.
 
-        Of items that need the same machine code, named in ``compiles``, the first runs beside none of the
-        others: on a machine without it they would all compile it.
-
         Raises:
             Exception: what a call raised other than ``Ended``.
         """
         waiting, done = deque(items), SimpleQueue[tuple[Any, Any]]()
-        compiling, compiled = defaultdict[str, Lock](Lock), set[str]()
         count = len(waiting)
 
         def work(worker: Worker) -> None:
             with suppress(IndexError):  # none is left
                 while True:
                     item = waiting.popleft()
-                    with ExitStack() as parts:
-                        for part in sorted(item.compiles - compiled):
-                            if compiling[part].acquire(timeout=COMPILING_S):
-                                parts.callback(compiling[part].release)
-                        try:
-                            result: Any = worker.run(call, item, limit_s=item.limit_s)
-                        except BaseException as error:
-                            result = error
-                        compiled.update(item.compiles)
+                    try:
+                        result: Any = worker.run(call, item, limit_s=item.limit_s)
+                    except BaseException as error:
+                        result = error
                     done.put((item, result))
 
         for worker in self._workers[:count]:
