@@ -193,7 +193,7 @@ class Trajectory:
     solve alone, without building the model or reading results out. ``contacts`` has an entry for every joint
     with clearance. ``load_work_J`` has the work since t = 0 of every part of the loads, (n,): "BODY.force",
     "BODY.viscous" and so on, of a crank-slider's "force", "viscous", "spring", "gas" (see
-    ``mechanics.loads``).
+    ``minimal.forces``).
     ``stabilisation_loss_J`` (n,) is the energy that the stabilisation of constraints has removed since t = 0,
     None where the engine does not tell it or has none.
     """

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts, UnsupportedScene
 from engine_models.exudyn.motion import Motion, integral
+from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.states import pin_gap
-from engine_models.mechanics.trajectory import contact_of
 from engine_models.minimal.forces import ContactStates, Forces
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
@@ -120,14 +120,16 @@ def contact_record(
         for of in (within.normal_force_N, within.penetration_m)
     ]
     sampled = states(time_s)
-    return contact_of(
-        clearance,
-        sampled.gap_m,
+    rubs = clearance.friction is not None
+    return Contact(
+        gap_m=sampled.gap_m,
+        penetration_m=sampled.penetration_m,
         normal_force_N=sampled.normal_force_N,
-        friction_force_N=sampled.friction_force_N,
+        friction_force_N=sampled.friction_force_N if rubs else None,
+        elastic_energy_J=elastic_energy_J(clearance, sampled.penetration_m),
         normal_impulse_N_s=impulse,
         normal_loss_J=normal_loss,
-        friction_loss_J=friction_loss,
+        friction_loss_J=friction_loss if rubs else None,
         clipped_loss_J=None,
         impacts=Impacts(
             time_s=ended,

@@ -9,7 +9,6 @@ from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, integral, link_rows, states
 from engine_models.exudyn.solver import silence, simulation_settings, solve
-from engine_models.mechanics.trajectory import trajectory_of
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces, Reactions
 from engine_models.scene.scene import Scene
@@ -54,8 +53,8 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
             sums = integral(grid, powers) if tree else cumulative_trapezoid(powers(grid), grid, initial=0.0)
             works = dict(zip(forces.integrated, sums[:, sampled], strict=True))
         position, velocity, _ = motion.at(sampled_s)
-        return trajectory_of(
-            scene,
+        works = forces.works_J(position, works)
+        return Trajectory(
             **vars(_reactions(forces, motion, sampled_s)),
             time_s=time,
             position=position,

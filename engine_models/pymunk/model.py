@@ -114,7 +114,7 @@ def sweeps_of(forces: Forces, position: FloatArray) -> int:
     for body in range(len(of.bodies)):
         mobility[body] *= [not is_kinematic(of, body)] * 2 + [body not in still]
     sizes = [2] * len(of.ideal) + [1] * sum(1 if guide.turns else 2 for guide in of.guides)
-    rows = forces.rows_at(position.reshape(1, -1))[1][0, : sum(sizes)]
+    rows = forces.look(0.0, position.ravel())[0][: sum(sizes)]
     matrix, joint = rows * mobility.ravel() @ rows.T, np.repeat(np.arange(len(sizes)), sizes)
     moves = np.flatnonzero(np.diag(matrix) > 0.0)
     matrix, done = matrix[np.ix_(moves, moves)], joint[moves, None] >= joint[moves]

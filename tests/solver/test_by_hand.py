@@ -1,18 +1,22 @@
-"""Equations, contact forces and methods on states simple enough for pencil and paper."""
+"""Equations, contact forces, laws and methods on states simple enough for pencil and paper."""
 
 import math
 
 import numpy as np
 import pytest
+from scipy.integrate import DOP853
 
+from engine_models import arms
+from engine_models.engine import RunSettings
+from engine_models.scene.format import Clearance
 from reference_solver.contact_forces import contact_force
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.mechanism.contact_laws import (
     DAMPING_FACTORS,
     ContactLaw,
     FrictionLaw,
-    RigidWall,
     ambrosio,
+    stiffness_of,
 )
 from reference_solver.mechanism.mechanism import (
     GROUND,
@@ -25,9 +29,7 @@ from reference_solver.mechanism.mechanism import (
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, dop853, dopri5
 from reference_solver.run import CONTACT
-from reference_solver.solver import LOWEST_FLIGHT
 from reference_solver.tape import power
-from tests.solver.rebounds import Rebounds
 
 #: Mass, inertia, distance of the pin from the centre of mass, and gravity.
 M, I, D, G = 2.0, 3.0, 0.5, 9.81  # noqa: E741  the letters of mechanics
@@ -115,24 +117,21 @@ def test_damping_factors_are_those_of_the_papers_at_a_restitution_of_eight_tenth
     )
 
 
+def test_a_steel_pin_is_as_stiff_as_hertz_has_it() -> None:
+    """s = 0.91/207e9 = 4.396135e-12 1/Pa, 4/(6 s) = 1.516484e11, times sqrt(0.01 0.0095/5e-4) = 0.4358899."""
+    pin = Clearance(
+        radial_clearance_m=C, bearing_radius_m=R, law="hertz", young_modulus_Pa=207e9, poisson_ratio=0.3
+    )
+    assert stiffness_of(pin) == pytest.approx(6.6102e10, rel=1e-4)
+
+
 def test_ambrosios_friction_is_a_ramp_past_its_dead_band() -> None:
     law = FrictionLaw("ambrosio", 0.1, 0.5, 0.1)
     found = [ambrosio(law, speed) for speed in (-9.0, -0.3, -0.1, 0.05, 0.1, 0.3, 0.5, 9.0)]
     assert found == pytest.approx([-1.0, -0.5, 0.0, 0.0, 0.0, 0.5, 1.0, 1.0])
 
 
-def test_a_disc_comes_back_from_a_rigid_wall_with_its_restitution() -> None:
-    """At 3 m/s along x, where pins go outwards, with a restitution of 0.6."""
-    bearing = ClearanceJoint(GROUND, (-1e-3, 0.0), 0, (0.0, 0.0), 1e-3, 0.01, RigidWall(0.6))
-    disc = Mechanism((Body(M, I),), (), contacts=(bearing,))
-    after = Rebounds(disc, np.zeros(3), LOWEST_FLIGHT)(0.0, np.zeros(3), np.array([3.0, 0.5, 0.0]))
-    (impact,) = after.impacts
-    np.testing.assert_allclose(after.v, [-1.8, 0.5, 0.0])
-    assert impact.normal_impulse_N_s == pytest.approx(M * 4.8)
-    assert impact.energy_lost_J == pytest.approx(M * (3.0**2 - 1.8**2) / 2)
-
-
-# Methods
+# Methods and steps
 
 
 @pytest.mark.parametrize("method", [RK4, dopri5(), dop853()], ids=["RK4", "DOPRI5", "DOP853"])
@@ -144,5 +143,33 @@ def test_weights_integrate_powers_of_time_up_to_the_order(method: Method) -> Non
         assert sum(row) == pytest.approx(node, abs=1e-14)
 
 
+def test_the_table_of_order_eight_is_that_of_scipys_own_solver() -> None:
+    method = dop853()
+    assert method.embedded is not None
+    for found, expected in (
+        (method.weights, DOP853.B),
+        (method.embedded.estimates, [DOP853.E5[:12], DOP853.E3[:12]]),
+        (method.embedded.nodes, DOP853.C_EXTRA),
+        (method.embedded.matrix, DOP853.A_EXTRA),
+        (method.embedded.dense, DOP853.D),
+        *((row, DOP853.A[k, :k]) for k, row in enumerate(method.matrix)),
+    ):
+        np.testing.assert_array_equal(found, expected)
+
+
 def test_powers_are_what_they_are_of_any_exponent() -> None:
     assert [power(4.0, n) for n in (1.0, 1.5, 2.0, 2.5, 3.0)] == [4.0, 8.0, 16.0, 32.0, 64.0]
+
+
+def test_a_step_is_never_longer_than_asked_for_nor_halved_for_round_off() -> None:
+    """2.1 over 0.7 is 3.0000000000000004 in floating point."""
+    settings = RunSettings(0.3, 1)
+    assert (settings.steps_per_sample(1.0), settings.step_used_s(1.0)) == (4, 0.25)
+    assert [RunSettings(step, 1).steps_per_sample(2.1) for step in (0.7, 0.6999)] == [3, 4]
+
+
+def test_arms_set_what_their_names_say() -> None:
+    settings = {arm.label: dict(arm.settings) for arm in vars(arms).values() if isinstance(arm, arms.Arm)}
+    assert settings["reference (plain RK4)"] == {"locate_events": False, "stabilisation": "none"}
+    for name, radius in (("generalized-alpha", 0.5), ("generalized-alpha 0.9", 0.9)):
+        assert settings[f"exudyn ({name})"]["spectral_radius"] == radius

@@ -1,4 +1,4 @@
-"""Crank-sliders with compliant clearance: numbers known, the ledger, samples within steps, light links."""
+"""Crank-sliders with compliant clearance: the standard case, samples within steps, light links."""
 
 import numpy as np
 import pytest
@@ -13,44 +13,28 @@ from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.solution import Solution
-from reference_solver.solver import StepChoice, solve
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 
 FloatArray = NDArray[np.float64]
-STANDARD = "clearance-driven-0.5mm"
-#: Steps at which a run with located events is converged (see the ledger's order below).
-FINE = StepChoice(5e-6, 400)
-
-
-def solved(scene: Scene, choice: StepChoice, samples: int) -> Solution:
-    q, v = (part.ravel() for part in start_state(scene))
-    end = scene.end_time_s
-    return solve(mechanism_of(scene), q, v, end_time_s=end, samples=samples, step=choice)
-
-
-def short(name: str, end_s: float) -> Scene:
-    return CLEARANCE_SCENES[name]().model_copy(update={"end_time_s": end_s})
+STANDARD = CLEARANCE_SCENES["clearance-driven-0.5mm"]()
 
 
 def test_the_standard_cases_first_impacts_and_peak_force_are_those_known() -> None:
-    events = solved(short(STANDARD, 0.001), FINE, 1).events
-    first = events[events["what"] == 1][:3]
-    np.testing.assert_allclose(first["time_s"], [0.000227285, 0.000636428, 0.000749140], atol=5e-10, rtol=0)
-    np.testing.assert_allclose(first["rate"], [4.385827, 2.748345, 1.825504], atol=5e-7, rtol=0)
-    peak = solved(short(STANDARD, 0.0003), FINE, 30_000).normal_force_N.max()
-    assert peak == pytest.approx(45870, abs=0.5)
+    fine = ReferenceEngine(steps_per_contact=200)
+    run = fine.simulate(STANDARD.replace("end_time_s", 0.001), RunSettings(5e-6, 1))
+    impacts = run.contacts["B"].impacts
+    time_s, speed = impacts.time_s[:3], impacts.approach_speed_m_s[:3]
+    np.testing.assert_allclose(time_s, [0.000227285, 0.000636428, 0.000749140], atol=5e-10, rtol=0)
+    np.testing.assert_allclose(speed, [4.385827, 2.748345, 1.825504], atol=5e-7, rtol=0)
+    assert impacts.largest_normal_force_N[0] == pytest.approx(45870, abs=0.5)
     # t1 ~ sqrt(2c/a0), v1 ~ sqrt(2 c a0), a0 = r w^2 (1 + r/L): within 0.5 %.
     a0, c = 0.05 * (2 * np.pi * 5000 / 60) ** 2 * (1 + 0.05 / 0.12), 5e-4
-    assert first["time_s"][0] == pytest.approx(np.sqrt(2 * c / a0), rel=5e-3)
-    assert first["rate"][0] == pytest.approx(np.sqrt(2 * c * a0), rel=5e-3)
-
-
-# Samples within steps
+    assert time_s[0] == pytest.approx(np.sqrt(2 * c / a0), rel=5e-3)
+    assert speed[0] == pytest.approx(np.sqrt(2 * c * a0), rel=5e-3)
 
 
 def test_the_interpolation_adds_nothing_to_the_ledgers_residual_as_it_falls_at_order_four() -> None:
-    rates, scene, sizes = [(2e-5, 200), (1e-5, 400), (5e-6, 800)], short(STANDARD, 0.003), []
+    rates, scene, sizes = [(2e-5, 200), (1e-5, 400), (5e-6, 800)], STANDARD.replace("end_time_s", 0.003), []
     for step, per_contact in rates:
         engine, left = ReferenceEngine(steps_per_contact=per_contact * step / 1e-5), []
         for samples in (150, 9000):
@@ -67,8 +51,6 @@ def test_the_interpolation_adds_nothing_to_the_ledgers_residual_as_it_falls_at_o
 
 
 # Mobilities, which limit the steps of light links
-
-SAMPLES = 200
 
 
 @pytest.mark.parametrize("name", ["clearance-free-OAB", "clearance-driven-damped"])
@@ -101,21 +83,27 @@ def test_a_mobility_is_the_speed_that_a_unit_impulse_makes(name: str) -> None:
             assert push[: len(q)] @ speeds == pytest.approx(mobility, rel=1e-9)
 
 
-def light_crank(mass_kg: float, contact: dict[str, object], speed_rad_s: float, end_s: float) -> Scene:
-    """Return a light crank between a heavy rod and a pivot with clearance, free to move."""
+def runs(
+    mass_kg: float, contact: dict[str, object], speed_rad_s: float, end_s: float, step_s: float
+) -> tuple[Trajectory, Trajectory]:
+    """Return runs of a light crank between a heavy rod and a pivot with clearance: at a step, and sharp."""
     J = 0.1 * mass_kg * 0.05**2
     crank = {"length_m": 0.05, "mass_kg": mass_kg, "inertia_kg_m2": J, "centre_of_mass_m": 0.025}
     rod = {"length_m": 0.15, "mass_kg": 1.0, "inertia_kg_m2": 2e-3, "centre_of_mass_m": 0.07}
     loose = {"radial_clearance_m": 1e-4, "bearing_radius_m": 0.01, **contact}
     start = {"crank_angle_rad": 0.5, "crank_speed_rad_s": speed_rad_s}
     changes = {"crank": crank, "rod": rod, "slider.mass_kg": 1.0, "start": start, "clearance": {"O": loose}}
-    return IDEAL_SCENES["ideal-free"]().replace({**changes, "end_time_s": end_s})
+    scene: Scene = IDEAL_SCENES["ideal-free"]().replace({**changes, "end_time_s": end_s})
+    sharp = make_engine("reference", method="dop853", step_tolerance=1e-11)
+    return make_engine("reference").simulate(scene, RunSettings(step_s, 200)), sharp.simulate(
+        scene, RunSettings(end_s, 200)
+    )
 
 
 def test_friction_on_a_light_crank_is_followed() -> None:
     friction = {"law": "tanh", "coefficient": 0.3, "regularisation_speed_m_s": 1e-3}
     soft = {"law": "kelvin-voigt", "stiffness": 1e5, "damping_N_s_m": 2e3, "friction": friction}
-    plain, sharp = runs(light_crank(1e-3, soft, 2.0, 0.04), step_s=1e-4)
+    plain, sharp = runs(1e-3, soft, 2.0, 0.04, step_s=1e-4)
     # With the mobility along the normal in place of that of sliding, friction is off by 12 % of its size.
     for name in ("normal_force_N", "friction_force_N"):
         value, true = getattr(plain.contacts["O"], name), getattr(sharp.contacts["O"], name)
@@ -123,13 +111,6 @@ def test_friction_on_a_light_crank_is_followed() -> None:
 
 
 def test_a_pin_that_follows_a_rigid_wall_swings_at_its_own_frequency() -> None:
-    plain, sharp = runs(light_crank(1.4e-3, {"law": "rigid", "restitution": 0.0}, 60.0, 0.02), step_s=1e-5)
+    plain, sharp = runs(1.4e-3, {"law": "rigid", "restitution": 0.0}, 60.0, 0.02, step_s=1e-5)
     # Without that frequency's limit on the step the slider is off by a thousand clearances.
     assert np.abs(plain.position[:, -1, 0] - sharp.position[:, -1, 0]).max() < 1e-3 * 1e-4
-
-
-def runs(scene: Scene, step_s: float) -> tuple[Trajectory, Trajectory]:
-    """Return RK4's run at a step, and that of DOP853 near round-off."""
-    plain = make_engine("reference").simulate(scene, RunSettings(step_s, SAMPLES))
-    sharp = make_engine("reference", method="dop853", step_tolerance=1e-11)
-    return plain, sharp.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))

@@ -11,13 +11,7 @@ import numpy as np
 import pytest
 
 from reference_solver import machine_code
-from reference_solver.kept_files import (
-    FolderRefused,
-    kernel_folder,
-    private_folder,
-    say_once,
-    writable_folder,
-)
+from reference_solver.kept_files import FolderRefused, kernel_folder, say_once, writable_folder
 from tests.helpers.command import crankslider
 
 #: A function that stores p[0] y[0], and returns 1.
@@ -57,92 +51,72 @@ def loaded(text: str = TEXT, factor: float = 2.0) -> bool:
     return not made
 
 
-def the_file() -> Path:
-    (file,) = kernel_folder().iterdir()
-    return file
-
-
-def test_what_one_process_has_compiled_the_next_one_loads(caplog: pytest.LogCaptureFixture) -> None:
-    assert [loaded(), loaded()] == [False, True]
+def test_each_text_has_code_of_its_own_that_the_next_process_loads(caplog: pytest.LogCaptureFixture) -> None:
+    other = TEXT.replace("fmul", "fmul contract")
+    assert [loaded(), loaded(other), loaded(), loaded(other, 3.0)] == [False, False, True, True]
+    folder = kernel_folder()
+    assert len([*folder.iterdir()]) == 2
+    assert [path.stat().st_mode & 0o777 for path in (folder.parent, folder)] == [0o700, 0o700]
     assert not caplog.messages
 
 
-DAMAGES: dict[str, Callable[[bytes], bytes]] = {
-    "emptied": lambda _: b"",
-    "truncated": lambda kept: kept[:-1],
-    "cut within the checksum": lambda kept: kept[:7],
-    "one bit altered": lambda kept: kept[:-9] + bytes([kept[-9] ^ 1]) + kept[-8:],
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_file_is_said_once_and_made_again(damage: str, caplog: pytest.LogCaptureFixture) -> None:
-    loaded()
-    kept = the_file().read_bytes()
-    for _ in range(2):
-        the_file().write_bytes(DAMAGES[damage](kept))
-        assert not loaded()
-        assert loaded()
-    assert len(caplog.messages) == 1
-    assert str(kernel_folder()) in caplog.text
-    assert "got damaged ones: making them again" in caplog.text
-
-
-def test_a_file_of_somebody_else_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    loaded()
-    real = os.fstat
-    somebody = lambda file: os.stat_result([*real(file)[:4], real(file).st_uid + 1, *real(file)[5:]])  # noqa: E731
-    monkeypatch.setattr(os, "fstat", somebody)
-    assert not loaded()
-
-
-def test_another_text_has_code_of_its_own() -> None:
-    other = TEXT.replace("fmul", "fmul contract")
-    assert [loaded(), loaded(other), loaded(), loaded(other, 3.0)] == [False, False, True, True]
-    assert len(list(kernel_folder().iterdir())) == 2
-
-
-def test_the_folders_are_private_whatever_the_mask(cache: Path) -> None:
-    mask = os.umask(0)
-    try:
-        private_folder()
-    finally:
-        os.umask(mask)
-    assert [path.stat().st_mode & 0o777 for path in (cache, kernel_folder())] == [0o700, 0o700]
-
-
-@pytest.mark.parametrize("where", ["kernels", "."])
-def test_a_folder_that_others_can_write_to_is_refused_unless_only_owners_replace(
-    where: str, cache: Path
+@pytest.mark.parametrize(
+    "damage",
+    [lambda _: b"", lambda kept: kept[:7], lambda kept: kept[:-9] + bytes([kept[-9] ^ 1]) + kept[-8:]],
+    ids=["emptied", "cut within the checksum", "one bit altered"],
+)
+def test_a_damaged_file_is_said_once_and_made_again(
+    damage: Callable[[bytes], bytes], caplog: pytest.LogCaptureFixture
 ) -> None:
     loaded()
-    for mode in (0o770, 0o702):
-        (cache / where).chmod(mode)
-        refused = f"{cache / where}: expected a folder that only you can write to, got permissions {mode:04o}"
-        with pytest.raises(FolderRefused, match=re.escape(refused)):
-            loaded()
-    (cache / where).chmod(0o700)
+    (file,) = kernel_folder().iterdir()
+    kept = file.read_bytes()
+    for _ in range(2):
+        file.write_bytes(damage(kept))
+        assert [loaded(), loaded()] == [False, True]
+    (line,) = caplog.messages
+    assert line == f"{file.parent}: expected files as they were kept, got damaged ones: making them again"
+
+
+def test_a_folder_that_others_can_write_to_is_refused_unless_only_owners_replace(cache: Path) -> None:
+    loaded()
+    for folder in (cache, cache / "kernels"):
+        for mode in (0o770, 0o702):
+            folder.chmod(mode)
+            refused = f"{folder}: expected a folder that only you can write to, got permissions {mode:04o}"
+            with pytest.raises(FolderRefused, match=re.escape(refused)):
+                loaded()
+        done = crankslider("run", "accuracy", "--out", cache.with_name("out"))
+        assert (done.code, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+        assert done.stderr.startswith(f"error: {folder}: expected a folder that only you can write")
+        folder.chmod(0o700)
     cache.chmod(0o1777)
     assert loaded()
 
 
-def test_a_folder_of_somebody_else_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_somebody_elses_is_made_again_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     loaded()
-    owner = os.geteuid()
+    real, owner = os.fstat, os.geteuid()
+    somebody = lambda file: os.stat_result([*real(file)[:4], real(file).st_uid + 1, *real(file)[5:]])  # noqa: E731
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fstat", somebody)
+        assert not loaded()
     monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
     with pytest.raises(FolderRefused, match=f"got one of user {owner}: set CRANKSLIDER_CACHE"):
         loaded()
 
 
-def test_without_a_folder_every_process_compiles_its_own(
+def test_without_a_folder_every_process_compiles_its_own_or_shares_a_temporary_one(
     cache: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     cache.write_text("in the way")
     assert [loaded(), loaded()] == [False, False]
-    assert caplog.messages == [
-        f"{kernel_folder()}: expected a folder to keep kernels in, got 'File exists': "
-        "every process makes its own"
-    ]
+    with writable_folder():
+        temporary = Path(os.environ["CRANKSLIDER_CACHE"])
+        assert [loaded(), loaded()] == [False, True]
+    got = f"{kernel_folder()}: expected a folder to keep kernels in, got 'File exists': "
+    assert caplog.messages == [f"{got}every process makes its own", f"{got}a temporary one is used"]
+    assert not temporary.exists()
 
 
 def test_a_full_disk_is_named_and_keeps_no_part_of_a_file(
@@ -155,27 +129,6 @@ def test_a_full_disk_is_named_and_keeps_no_part_of_a_file(
 
     monkeypatch.setattr(Path, "write_bytes", full)
     assert [loaded(), loaded()] == [False, False]
-    assert len(caplog.messages) == 1
-    assert "got 'No space left on device'" in caplog.text
+    (line,) = caplog.messages
+    assert "got 'No space left on device'" in line
     assert not list(kernel_folder().iterdir())
-
-
-def test_processes_started_where_nothing_can_be_kept_share_a_temporary_folder(
-    cache: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    cache.write_text("in the way")
-    with writable_folder():
-        temporary = Path(os.environ["CRANKSLIDER_CACHE"])
-        assert [loaded(), loaded()] == [False, True]
-    assert "got 'File exists': a temporary one is used" in caplog.text
-    assert os.environ["CRANKSLIDER_CACHE"] == str(cache)
-    assert not temporary.exists()
-
-
-def test_the_commands_refuse_such_a_folder_in_one_line(cache: Path, tmp_path: Path) -> None:
-    private_folder().chmod(0o777)
-    done = crankslider("run", "accuracy", "--out", tmp_path / "out")
-    assert (done.code, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"error: {kernel_folder()}: expected a folder that only you can write")
-    assert done.stderr.count("\n") == 1
-    assert list(tmp_path.iterdir()) == [cache]

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,12 +17,6 @@ from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES, WRONG_FROM = 20, 8
 Planted = tuple[Scene, Trajectory]
-
-
-@cache
-def loose_run(name: str) -> Planted:
-    scene = SCENES[name]().model_copy(update={"end_time_s": 0.002, "gravity_m_s2": 0.0})
-    return scene, make_engine("reference").simulate(scene, RunSettings(1e-5, SAMPLES))
 
 
 def energy(part: float) -> Planted:
@@ -45,45 +38,39 @@ def gap(part: float) -> Planted:
     return scene, replace(truth, position=position)
 
 
-def guide(part: float) -> Planted:
-    """Return a motion without ideal joints whose slider leaves its guide, by a part of the crank."""
-    scene, run = loose_run("clearance-free-OAB")
-    position = run.position.copy()
-    position[WRONG_FROM:, -1, 1] -= part * scene.short.crank.length_m
-    return scene, replace(run, position=position)
+@cache
+def loose_run() -> Planted:
+    scene = SCENES["clearance-driven-0.1mm"]().model_copy(update={"end_time_s": 0.002})
+    return scene, make_engine("reference").simulate(scene, RunSettings(1e-5, SAMPLES))
 
 
 def penetration(radii: float) -> Planted:
     """Return a motion whose pin goes into its bearing's wall, by radii of 10 mm."""
-    scene, run = loose_run("clearance-driven-0.1mm")
+    scene, run = loose_run()
     depth = run.contacts["B"].penetration_m.copy()
     depth[WRONG_FROM:] = radii * 0.01
     return scene, replace(run, contacts={"B": replace(run.contacts["B"], penetration_m=depth)})
 
 
-PLANTED: dict[str, tuple[Callable[[float], Planted], str, float, float, str]] = {
-    "energy": (energy, "unaccounted_energy_part", 0.01, 0.1, "energy off by"),
-    "gap": (gap, "ideal_gap_part", 0.01, 0.1, "ideal joints or guide open by"),
-    "guide": (guide, "ideal_gap_part", 0.01, 0.1, "ideal joints or guide open by"),
-    "penetration": (penetration, "penetration_part", 0.1, 1.0, "pin in the wall of its bearing by"),
+PLANTED: dict[str, tuple[Callable[[float], Planted], str, float]] = {
+    "unaccounted_energy_part": (energy, "energy off by", 0.1),
+    "ideal_gap_part": (gap, "ideal joints or guide open by", 0.1),
+    "penetration_part": (penetration, "pin in the wall of its bearing by", 1.0),
 }
 
 
-@pytest.mark.parametrize("kind", PLANTED)
-def test_an_error_of_known_size_is_found_warned_of_and_failed_at_its_time(kind: str) -> None:
-    plant, column, doubtful, failed, words = PLANTED[kind]
-    for part in (0.9 * doubtful, 1.1 * doubtful, 0.9 * failed, 1.1 * failed):
+@pytest.mark.parametrize("column", PLANTED)
+def test_an_error_of_known_size_is_found_warned_of_and_failed_at_its_time(column: str) -> None:
+    plant, words, limit = PLANTED[column]
+    for part in np.array([0.09, 0.11, 0.9, 1.1]) * limit:
         scene, run = plant(part)
         quality = quality_of(scene, run)
         assert quality.parts()[column] == pytest.approx(part, rel=1e-6)
-        when = f"at t = {run.time_s[WRONG_FROM]:.6g} s with step {run.step_s:.3g} s: "
-        warnings, failure = quality.warnings(), quality.failure() or ""
-        assert len(warnings) == (part > doubtful)
-        for line in (*warnings, *([failure] if failure else [])):
+        assert len(quality.warnings()) == (part > limit / 10)
+        for line in (*quality.warnings(), *filter(None, [quality.failure()])):
             assert line.startswith(f"{words} {100 * part:.3g} % of ")
-            assert when in line
-        assert bool(failure) == (part > failed), failure
-        if failure:
+            assert f"at t = {run.time_s[WRONG_FROM]:.6g} s with step {run.step_s:.3g} s: " in line
+        if part > limit:
             with pytest.raises(SimulationFailed, match=words):
                 require_quality(scene, run)
         else:
@@ -103,36 +90,11 @@ def test_energy_is_in_parts_of_the_largest_in_play_not_of_next_to_nothing() -> N
     assert work[1] < 0.01 * kinetic
 
 
-def test_what_stabilisation_took_is_no_physics() -> None:
-    """An engine that tells how much it is, is judged as one that does not."""
-    scene, run = energy(0.05)
-    told = replace(run, stabilisation_loss_J=np.linspace(0.0, 1.0, SAMPLES + 1))
-    assert quality_of(scene, told) == quality_of(scene, run)
-
-
-def test_of_several_failures_the_first_is_told() -> None:
-    scene, run = gap(0.2)
-    depart: dict[str, Any] = {"driver_work_J": run.driver_work_J - 1e6 * (run.time_s >= run.time_s[3])}
-    assert "energy" in str(quality_of(scene, replace(run, **depart)).failure())
-    assert "guide" in str(quality_of(scene, run).failure())
-
-
 @pytest.mark.parametrize("number", [np.nan, np.inf, 1e300])
-def test_what_is_not_finite_fails_without_a_warning_of_numpy(number: float) -> None:
-    scene, run = penetration(0.0)
+def test_what_is_not_finite_fails_first_and_without_a_warning_of_numpy(number: float) -> None:
+    scene, run = penetration(2.0)
     velocity = run.velocity.copy()
     velocity[5:] = number
-    quality = quality_of(scene, replace(run, velocity=velocity))
-    assert quality.parts()["unaccounted_energy_part"] == np.inf
-    assert f"energy off by inf % of that in play, past 10 % at t = {run.time_s[5]:.6g} s" in str(
-        quality.failure()
-    )
-
-
-def test_a_scene_is_checked_for_what_it_has() -> None:
-    ideal, loose = {"unaccounted_energy_part", "ideal_gap_part"}, {"penetration_part"}
-    assert quality_of(*energy(0.0)).parts().keys() == ideal
-    assert quality_of(*penetration(0.0)).parts().keys() == ideal | loose
-    assert quality_of(*loose_run("clearance-pendulum")).parts().keys() == ideal - {"ideal_gap_part"} | loose
-    flight = quality_of(*loose_run("clearance-pendulum")).parts()["penetration_part"]
-    assert flight == 0.0, "the pin has not come to its wall yet"
+    failure = quality_of(scene, replace(run, velocity=velocity)).failure()
+    expected = f"energy off by inf % of that in play, past 10 % at t = {run.time_s[5]:.6g} s"
+    assert str(failure).startswith(expected)

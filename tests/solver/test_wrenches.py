@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.loads import accelerations, wrenches
 from engine_models.mechanics.states import lever_m
+from engine_models.minimal.forces import Forces
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.file import from_toml
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.run import CONTACT, FLIGHT
-from studies.judges.columns import sample_columns
 from tests.engines.runs import fresh, run
 from tests.scenes import scene
 
@@ -53,6 +52,12 @@ def ran(name: str) -> tuple[Scene, Trajectory, FloatArray]:
     return of, found, np.reshape(accelerated, (n, *shape))
 
 
+def ground_of(of: Scene, run: Trajectory) -> FloatArray:
+    """Return force and torque (n, 3) on the ground."""
+    forces = Forces(of)
+    return forces.on_ground(run, forces.accelerations(run))
+
+
 def close(found: FloatArray, true: FloatArray, scale: float | np.floating) -> None:
     np.testing.assert_allclose(found, true, rtol=0, atol=ROUND_OFF * float(scale))
 
@@ -60,7 +65,7 @@ def close(found: FloatArray, true: FloatArray, scale: float | np.floating) -> No
 @pytest.mark.parametrize("name", STEPS)
 def test_what_acts_on_bodies_accelerates_them_as_the_solver_says(name: str) -> None:
     of, run, true = ran(name)
-    found = accelerations(of.mechanism, wrenches(of, run))
+    found = Forces(of).accelerations(run)
     for part in (slice(0, 2), slice(2, 3)):
         close(found[..., part], true[..., part], np.abs(true[..., part]).max())
 
@@ -75,34 +80,9 @@ def test_the_ground_feels_the_bodies_weights_and_inertia(name: str) -> None:
     x, y = run.position[..., 0], run.position[..., 1]
     moment = (x * own[..., 1] - y * own[..., 0] - inertias * a[..., 2]).sum(axis=1)
     forces = [*run.joint_force_N.values(), *run.guide_force_N.values()]
-    ground, largest = wrenches(of, run)[:, -1], max(np.abs(force).max() for force in forces)
+    ground, largest = ground_of(of, run), max(np.abs(force).max() for force in forces)
     close(ground[:, :2], own.sum(axis=1), largest)
     close(ground[:, 2], moment, largest * lever_m(of))
-
-
-STANDING = """
-name = "standing"
-end_time_s = 0.01
-gravity_m_s2 = 9.81
-observe = "rail.along"
-guide.rail = { body = "carriage", pin = "S", through_m = [0.0, 0.2] }
-start.position_m.rail = 0.3
-[body]
-carriage = { pins_m = { S = 0.0 }, centre_of_mass_m = [0.1, 0.05], mass_kg = 2.0, inertia_kg_m2 = 0.03 }
-"""
-
-
-def test_the_ground_carries_what_is_at_rest() -> None:
-    """The centre of mass is 0.1 m in front of the pin that the rail pushes at."""
-    of = from_toml(STANDING)
-    columns = sample_columns(of, fresh("reference", of, 1, 2))
-    weight = 2.0 * 9.81
-    assert columns["ground_force_x_N"] == pytest.approx(np.zeros(3), abs=1e-12)
-    assert columns["ground_force_y_N"] == pytest.approx(np.full(3, -weight), rel=1e-12)
-    assert columns["ground_moment_N_m"] == pytest.approx(np.full(3, -weight * 0.4), rel=1e-12)
-    assert columns["guide_rail_normal_force_N"] == pytest.approx(np.full(3, weight), rel=1e-12)
-    assert columns["guide_rail_moment_N_m"] == pytest.approx(np.full(3, 0.1 * weight), rel=1e-12)
-    assert columns["guide_rail_along_m"] == pytest.approx(np.full(3, 0.3))
 
 
 BEAM = """
@@ -129,5 +109,5 @@ def test_a_beam_rests_on_its_pin_and_its_roller_and_loads_push_back_on_the_groun
     assert run.joint_force_N["R"] == pytest.approx(np.tile([-7.0, -1 * g], (3, 1)))
     assert run.guide_force_N["floor"] == pytest.approx(np.full(3, 2 * g))
     assert run.guide_moment_N_m["floor"] == pytest.approx(np.full(3, -0.6))
-    ground = wrenches(of, run)[:, -1]
+    ground = ground_of(of, run)
     assert ground == pytest.approx(np.tile([0.0, -5 * g, -(4 * 1.0 + 1 * 2.5) * g], (3, 1)), abs=1e-10)
