@@ -216,11 +216,11 @@ def check(given: Given) -> None:
     from engine_models.reference.inspection import inspect
 
     physics = given.to("read_scene")
-    try:
-        with refusing(), progress(physics.end_time_s):
+    with refusing(), progress(physics.end_time_s):
+        try:
             print("\n".join(inspect(physics)))
-    except ImpossibleStart as reason:
-        raise BadInput(str(reason)) from None
+        except ImpossibleStart as reason:
+            raise BadInput(str(reason)) from None
 
 
 def schema() -> None:
