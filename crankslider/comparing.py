@@ -112,7 +112,7 @@ def compare_engines(
             raise Failed(f"no engine finished a run of this scene: {reasons}")
         if (chosen := standings.chosen) is None:
             return comparison
-        return replace(comparison, run=_shown(wanted[str(standings.rows["case"][chosen.Index])], pool))
+        return replace(comparison, run=_shown(wanted[str(standings.recorded["case"][chosen.Index])], pool))
 
 
 def _shown(case: Case, pool: Pool) -> Run | None:

@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import Field, InstanceOf, TypeAdapter, ValidationError
 
 from crankslider.run import Run, Sweep, picture, require_file, require_outputs, write_file
-from engine_models.engine import MOST_SAMPLES, Engine, RunSettings, SimulationFailed, UnsupportedScene, plain
+from engine_models.engine import MOST_SAMPLES, Engine, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import engine_class, join
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
 from engine_models.scene.file import load as load_scene
@@ -31,11 +31,10 @@ from engine_models.scene.plain_words import (
     expect,
     expectation,
     fields,
-    no_numbers,
     one_of,
     refusal,
+    setting,
     shown,
-    typed,
     unknown,
 )
 from engine_models.scene.scene import Scene
@@ -58,14 +57,15 @@ scenes: Mapping[str, Scene] = MappingProxyType({name: make() for name, make in A
 #: A scene as users may give one, and what else they type.
 SomeScene = Annotated[InstanceOf[Scene] | str | Path, expect(f"{one_of([*ALL_SCENES])}, or a TOML file")]
 Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES), in_words()]
-Time = Annotated[NonNegative, Field(json_schema_extra={"unit": "s"}), in_words("s")]
-Angle = Annotated[NonNegative, Field(le=2 * np.pi, json_schema_extra={"unit": "rad"}), in_words("rad")]
+Time = Annotated[NonNegative, in_words("s")]
+Angle = Annotated[NonNegative, Field(le=2 * np.pi), in_words("rad")]
 Jobs = Annotated[int, Field(ge=1, le=1000), in_words()]
 Members = Annotated[int, Field(ge=1, le=100_000), in_words()]
 Seed = Annotated[int, Field(ge=0), in_words()]
 Transient = Annotated[NonNegative, in_words()]
 Number = Annotated[Positive, in_words()]
 Named = Mapping[str, object]
+Values = Annotated[str | Sequence[float], expect("a string or a list of numbers")]
 #: What runs in all engines, in reference solutions and in studies.
 DEFAULT_STEP_S = 1e-5
 #: A step below this part of the end time is lost to the rounding of time.
@@ -132,12 +132,12 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
         kind = engine_class(name)
     except ValueError as reason:
         raise BadInput(str(reason)) from None
-    if wrong := no_numbers(settings, kind):
-        raise BadInput(wrong)
     try:
-        engine: Engine = TypeAdapter(kind).validate_strings({key: typed(it) for key, it in settings.items()})
+        engine: Engine = TypeAdapter(kind).validate_strings(
+            {key: setting(it) for key, it in settings.items()}
+        )
     except ValidationError as error:
-        raise BadInput(refusal(error, kind)) from None
+        raise BadInput(refusal(error, settings, fields(kind))) from None
     if to_tolerance and "method" not in settings:
         given = {"step_tolerance": vars(engine)["step_tolerance"]} if "step_tolerance" in settings else {}
         engine = engine.controlling_error(**given)
@@ -193,8 +193,6 @@ def simulate(
         raise BadInput(f"start: expected a time < the end time {physics.end_time_s:g}, got {start:g}")
     longest = _longest_step_s(step, tolerance, physics.end_time_s, chosen)
     with refusing(), np.errstate(all="ignore"):  # engines check for non-finite numbers themselves
-        if not chosen.any_mechanism:
-            plain(physics, engine)
         if tolerance is None:
             run = chosen.simulate(physics, RunSettings(longest, samples))
         else:
@@ -301,7 +299,7 @@ def join_engines(engines: Sequence[str]) -> None:
 @check_arguments
 def sweep(
     scene: SomeScene,
-    vary: Mapping[str, str | Sequence[float]] | None = None,
+    vary: Mapping[str, Values] | None = None,
     engine: str = "reference",
     *,
     sample: Literal["grid", "random", "latin-hypercube", "sobol"] = "grid",
