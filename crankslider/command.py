@@ -246,7 +246,7 @@ def write(given: Given, solve: str) -> None:
     given.to("require_outputs", scene=scene, inputs=given.to("files_of"))
     if columns := given.get("plot_columns"):  # of a run of no length
         given["plot_columns"] = columns = [name for each in columns for name in each.split(",")]
-        short = Given({name: it for name, it in given.items() if name in ("engine", "settings")})
+        short = Given({name: it for name, it in given.items() if name in ("engine", "settings")}, quick=True)
         short.to(solve, scene=scene, end=SHORT * scene.end_time_s, samples=1).require_columns(columns)
     if not given.keys() & {"out", "impacts", "plot", "animate"} and log.isEnabledFor(logging.INFO):
         given["out"] = "-"

@@ -167,10 +167,12 @@ def simulate(
     samples: Samples = 200,
     start: Time = 0.0,
     settings: Named | None = None,
+    quick: bool = False,
 ) -> Run:
     """Return the run of a scene: a ``Scene``, the name of a library scene, or the path of a TOML file.
 
     Times and lengths may be text with a unit. ``end`` replaces the scene's end time. Doubts are warnings.
+    A run without a tolerance is checked by another at half the step and a tenth of the engine's own tolerance.
 
     Args:
         engine: see 'crankslider engines'; your own: my_module:MyEngine.
@@ -179,6 +181,7 @@ def simulate(
         samples: number of output intervals of equal length.
         start: the largest contact force is that after this time in s: a transient is over.
         settings: a setting of the engine; see 'crankslider engines'.
+        quick: do not check the run by a second one, at half its step, which takes up to twice its time.
 
     Raises:
         BadInput: an argument or the scene is refused, or the engine cannot run the scene.
@@ -193,14 +196,16 @@ def simulate(
         raise BadInput(f"start: expected a time < the end time {physics.end_time_s:g}, got {start:g}")
     longest = _longest_step_s(step, tolerance, physics.end_time_s, chosen)
     with refusing(), np.errstate(all="ignore"):  # engines check for non-finite numbers themselves
+        steps = RunSettings(longest, samples)
         if tolerance is None:
-            run = chosen.simulate(physics, RunSettings(longest, samples))
+            run = chosen.simulate(physics, steps)
         else:
             run = simulate_to_tolerance(chosen, physics, tolerance, samples)
-        warnings = tuple(doubts(chosen, physics, run, tolerance is not None))
+        check = steps if tolerance is None and not quick else None
+        warnings = tuple(doubts(chosen, physics, run, check))
     for doubt in warnings:
         warn(doubt, stacklevel=3)
-    return Run(physics, engine, chosen, run, warnings, tolerance, start)
+    return Run(physics, engine, chosen, run, warnings, tolerance, start, bool(check or tolerance))
 
 
 def _longest_step_s(step: float | None, tolerance: float | None, end_s: float, engine: Engine) -> float:

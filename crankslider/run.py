@@ -54,7 +54,8 @@ class Run:
 
     ``engine`` has the settings that ran. ``tolerance_m`` is the tolerance of the slider position, or None.
     ``warnings`` has a line for each doubt about the run. ``trajectory`` has all results as arrays. What is
-    before ``start_s`` is a transient. ``certain_m`` is the uncertainty of a reference solution, of
+    before ``start_s`` is a transient. ``checked`` tells whether a tolerance or a run at half the step has been a
+    check of it. ``certain_m`` is the uncertainty of a reference solution, of
     the slider or what else is observed, of an angle times the longest lever; ``by`` says who solved it.
     """
 
@@ -65,6 +66,7 @@ class Run:
     warnings: tuple[str, ...] = ()
     tolerance_m: float | None = None
     start_s: float = 0.0
+    checked: bool = True
     certain_m: float = 0.0
     by: str = ""
 
@@ -247,7 +249,7 @@ class Run:
         how_long = f"{mean_s:.3g} s on average, up to {allowed_s:.6g} s allowed"
         if mean_s > 0.99 * allowed_s:
             how_long = f"the longest {allowed_s:.6g} s"
-        lines = [f"quality: {self.quality.summary()}"]
+        lines = [f"quality: {self.quality.summary()}{'' if self.checked else ', not checked'}"]
         lines.append(f"{steps} steps{f' of {method}' if method else ''}, {how_long}")
         if (moved := self.scene.placed.moved) is not None:
             lines.insert(0, f"start put together: {moved} from what the file tells")
