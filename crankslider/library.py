@@ -172,7 +172,7 @@ def simulate(
     """Return the run of a scene: a ``Scene``, the name of a library scene, or the path of a TOML file.
 
     Times and lengths may be text with a unit. ``end`` replaces the scene's end time. Doubts are warnings.
-    A run without a tolerance is checked by another at half the step and a tenth of the engine's own tolerance.
+    A run without a tolerance is checked by one at half the step and a tenth of the engine's own tolerance.
 
     Args:
         engine: see 'crankslider engines'; your own: my_module:MyEngine.
