@@ -54,9 +54,9 @@ class Run:
 
     ``engine`` has the settings that ran. ``tolerance_m`` is the tolerance of the slider position, or None.
     ``warnings`` has a line for each doubt about the run. ``trajectory`` has all results as arrays. What is
-    before ``start_s`` is a transient. ``checked`` tells whether a tolerance or a run at half the step checks it.
-    ``certain_m`` is the uncertainty of a reference solution, of the slider or what else is observed, of an angle
-    times the longest lever; ``by`` says who solved it.
+    before ``start_s`` is a transient. ``checked``: a tolerance or a run at half the step has been a check.
+    ``certain_m`` is the uncertainty of a reference solution, of the slider or what else is observed, of an
+    angle times the longest lever; ``by`` says who solved it.
     """
 
     scene: Scene
