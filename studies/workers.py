@@ -143,7 +143,8 @@ class Worker:
         code = self._end()
         if code == NO_MAIN_GUARD:
             guard = 'if __name__ == "__main__":'
-            raise Failed(f"script: expected this call under {guard}, since every process imports the script")
+            reason = f"script: expected this call under {guard}, since every process imports the script"
+            raise Failed(reason) from None
         how = f"ended with exit code {code}" if code >= 0 else f"killed by {signal.Signals(-code).name}"
         reason = f"{how}: {said[-1][:SHOWN_WORDS]}" if said else how
         return Ended(KILLED if -code in FROM_OUTSIDE else CRASHED, reason)
