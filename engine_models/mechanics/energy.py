@@ -5,7 +5,6 @@ import math
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.loads import load_forces
 from engine_models.mechanics.states import lever_m, point_motion
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
@@ -101,12 +100,9 @@ def energy_in_play_J(scene: Scene, trajectory: Trajectory) -> float:
 
 
 def _of_forces_J(scene: Scene, trajectory: Trajectory) -> float:
-    """Return what weight, load and driver do in a radian of the crank at most, at their medians over time."""
-    of = scene.mechanism
-    weight = math.hypot(*of.gravity_m_s2) * sum(body.mass_kg for body in of.bodies)
-    states = trajectory.time_s, trajectory.position, trajectory.velocity
-    loads = load_forces(of, *states).values()
-    forces_N = weight + sum(float(np.median(np.abs(load_N))) for load_N in loads)
-    torque = trajectory.driver_torque_N_m
+    """Return what weight, joints and driver do in a radian of the crank at most, by their medians."""
+    of, torque = scene.mechanism, trajectory.driver_torque_N_m
+    forces_N = math.hypot(*of.gravity_m_s2) * sum(body.mass_kg for body in of.bodies)
+    forces_N += sum(float(np.median(np.hypot(*force.T))) for force in trajectory.joint_force_N.values())
     torque_N_m = 0.0 if torque is None else float(np.median(np.abs(torque)))
     return forces_N * lever_m(scene) + torque_N_m

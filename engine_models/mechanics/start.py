@@ -1,11 +1,9 @@
 """The start of a run: where bodies are, and how fast; checked, and without its whole turns."""
 
-import math
-
 import numpy as np
 
 from engine_models.engine import FloatArray, ImpossibleStart, Trajectory
-from engine_models.mechanics.states import pin_gap
+from engine_models.mechanics.states import pin_gap, turns_of
 from engine_models.scene.scene import Scene
 from engine_models.scene.start import held_at_start
 from reference_solver.mechanism.contacts import damping_factor_of
@@ -53,7 +51,7 @@ def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
 def _turns(position: FloatArray) -> FloatArray:
     """Return the whole turns, by twos, in angles of positions (bodies, 3), in their shape."""
     turns = np.zeros_like(position)
-    turns[:, 2] = [angle - math.remainder(angle, 4 * math.pi) for angle in position[:, 2].tolist()]
+    turns[:, 2] = turns_of(position[:, 2])
     return turns
 
 

@@ -3,6 +3,7 @@
 States are positions and velocities (n, bodies, 3) at n times: (x, y, phi) of centres of mass.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,6 +97,17 @@ def turned_apart(line: Line, position: FloatArray) -> FloatArray:
     """Return the angle of a line's body j against body i, (n,)."""
     angles = (0.0 if body == GROUND else position[:, body, 2] for body in (line.body_j, line.body_i))
     return np.asarray(next(angles) - next(angles))
+
+
+def turns_of(angle: FloatArray) -> FloatArray:
+    """Return the whole turns by twos in angles (n,), 0 in those of up to two.
+
+    They would cost digits; a sine's own reduction is exact, and gas is the same after two turns.
+    """
+    within = np.arctan2(np.sin(angle), np.cos(angle))
+    count = np.round((angle - within) / math.tau)
+    kept = within + math.tau * np.mod(count, 2)
+    return np.where(np.abs(angle) <= 4 * math.pi, 0.0, angle - kept)
 
 
 def lever_m(scene: Scene) -> float:

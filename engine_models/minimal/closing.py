@@ -34,8 +34,8 @@ def closed(scene: Scene, position: FloatArray, turning: int | None) -> FloatArra
     q = position.reshape(len(position), -1)
     of = replace(scene.mechanism, pins=pins, drive=drive, loads=(), springs=())
     numbers = Numbers(of, q[0].copy(), damping_of)
-    weights = np.array([[1 / body.mass_kg] * 2 + [1 / body.inertia_kg_m2] for body in of.bodies]).ravel()
-    first = numbers.rows_at(q[:1])[1][0] * np.sqrt(weights)
+    weights = 1 / numbers.masses.ravel()
+    first = numbers.look(0.0, q[0])[0] * np.sqrt(weights)
     values = np.linalg.svd(first / np.linalg.norm(first, axis=1, keepdims=True), compute_uv=False)
     dependent = bool(values[-1] < DEPENDENT * values[0])
     found = np.full(q.shape, np.nan)
@@ -43,7 +43,7 @@ def closed(scene: Scene, position: FloatArray, turning: int | None) -> FloatArra
         begun = q[begin : begin + AT_ONCE]
         at, step = begun, np.full(len(begun), np.inf)
         for _ in range(MOST_STEPS):
-            open_by, B = numbers.rows_at(at)
+            B, open_by, *_ = numbers.look(0.0, at)
             if turning is not None:  # its row, the last, is from the angle in the first position
                 open_by[:, -1] -= begun[:, 3 * turning + 2] - q[0, 3 * turning + 2]
             weighted = weights * B @ B.swapaxes(1, 2)

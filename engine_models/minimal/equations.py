@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from reference_solver.machine_code import compiled
 
-FloatArray = NDArray[np.float64]
+Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 #: How functions are compiled, and those whose machine code is kept, with that of all which they call.
 jit, entry = njit(error_model="numpy"), compiled(error_model="numpy")
@@ -58,14 +58,14 @@ OF_CONTACT, OF_SUMS = 6, 4
 
 
 @jit
-def block(p: FloatArray, k: int) -> FloatArray:
+def block(p: Array, k: int) -> Array:
     """Return a block of p."""
     first, rows, columns = int(p[3 * k]), int(p[3 * k + 1]), int(p[3 * k + 2])
     return p[first : first + rows * columns].reshape((rows, columns))
 
 
 @jit
-def curve_at(p: FloatArray, number: float, x: float) -> tuple[float, float, float]:
+def curve_at(p: Array, number: float, x: float) -> tuple[float, float, float]:
     """Return value and two derivatives of a curve, which repeats, or goes on beyond its ends, or is held."""
     curve, pieces = block(p, CURVES)[int(number)], block(p, PIECES)
     low, high, period, last, holds = int(curve[0]), int(curve[0] + curve[1]), curve[2], curve[3], curve[4]
@@ -86,7 +86,7 @@ def curve_at(p: FloatArray, number: float, x: float) -> tuple[float, float, floa
 
 
 @jit
-def driven(p: FloatArray, t: float) -> tuple[float, float, float]:
+def driven(p: Array, t: float) -> tuple[float, float, float]:
     """Return how far what is driven has gone since the start, its speed and its acceleration."""
     s = block(p, SCALARS)[0]
     kind, a, b, c, d, clock = int(s[MOTION]), s[M1], s[M2], s[M3], s[M4], s[CLOCK]
@@ -108,7 +108,7 @@ def driven(p: FloatArray, t: float) -> tuple[float, float, float]:
 
 
 @jit
-def arm(q: FloatArray, body: int, x: float, y: float) -> tuple[float, float]:
+def arm(q: Array, body: int, x: float, y: float) -> tuple[float, float]:
     """Return a vector of a body's axes in the frame."""
     if body < 0:
         return x, y
@@ -117,13 +117,13 @@ def arm(q: FloatArray, body: int, x: float, y: float) -> tuple[float, float]:
 
 
 @jit
-def spin(v: FloatArray, body: int) -> float:
+def spin(v: Array, body: int) -> float:
     """Return the angular speed of a body."""
     return v[3 * body + 2] if body >= 0 else 0.0
 
 
 @jit
-def apart(q: FloatArray, v: FloatArray, e: FloatArray) -> tuple[float, ...]:
+def apart(q: Array, v: Array, e: Array) -> tuple[float, ...]:
     """Return arms of the points of e = (body i, x, y, body j, x, y), the vector between, and its rate."""
     i, j = int(e[0]), int(e[3])
     ax, ay = arm(q, i, e[1], e[2])
@@ -139,9 +139,7 @@ def apart(q: FloatArray, v: FloatArray, e: FloatArray) -> tuple[float, ...]:
 
 
 @jit
-def push(
-    row: FloatArray, e: FloatArray, ax: float, ay: float, bx: float, by: float, fx: float, fy: float
-) -> None:
+def push(row: Array, e: Array, ax: float, ay: float, bx: float, by: float, fx: float, fy: float) -> None:
     """Add a force on point j of e, and the opposite one on point i, to generalised forces."""
     i, j = int(e[0]), int(e[3])
     if i >= 0:
@@ -155,23 +153,14 @@ def push(
 
 
 @jit
-def direction(q: FloatArray, body: int, angle: float) -> tuple[float, float]:
+def direction(q: Array, body: int, angle: float) -> tuple[float, float]:
     """Return the direction of a line of a body."""
     turned = angle + (q[3 * body + 2] if body >= 0 else 0.0)
     return math.cos(turned), math.sin(turned)
 
 
 @jit
-def fill_rows(
-    p: FloatArray,
-    t: float,
-    q: FloatArray,
-    v: FloatArray,
-    g: FloatArray,
-    B: FloatArray,
-    c: FloatArray,
-    gamma: FloatArray,
-) -> int:
+def fill_rows(p: Array, t: float, q: Array, v: Array, g: Array, B: Array, c: Array, gamma: Array) -> int:
     """Fill g, B, c and gamma of all rows, and return how many there are."""
     r = 0
     for e in block(p, JOINTS):
@@ -224,7 +213,7 @@ def fill_rows(
 
 
 @jit
-def friction_share(e: FloatArray, sliding: float) -> float:
+def friction_share(e: Array, sliding: float) -> float:
     """Return the part of MU F that rubs at a sliding speed, with its sign."""
     if e[TANH] > 0.0:
         return math.tanh(sliding / e[FULL])
@@ -232,15 +221,7 @@ def friction_share(e: FloatArray, sliding: float) -> float:
 
 
 @jit
-def add_contact(
-    e: FloatArray,
-    phase: FloatArray,
-    q: FloatArray,
-    v: FloatArray,
-    F: FloatArray,
-    told: FloatArray,
-    powers: FloatArray,
-) -> None:
+def add_contact(e: Array, phase: Array, q: Array, v: Array, F: Array, told: Array, powers: Array) -> None:
     """Add what a contact does in its phase to F; fill what is told of it and its powers."""
     ax, ay, bx, by, dx, dy, vx, vy = apart(q, v, e)
     distance = math.hypot(dx, dy)
@@ -279,7 +260,7 @@ def add_contact(
 
 
 @jit
-def engage(e: FloatArray, phase: FloatArray, q: FloatArray, v: FloatArray) -> None:
+def engage(e: Array, phase: Array, q: Array, v: Array) -> None:
     """Set the phase of a contact by a state, for who looks at states alone; a touch remembers a/v0."""
     _, _, _, _, dx, dy, vx, vy = apart(q, v, e)
     distance = math.hypot(dx, dy)
@@ -294,9 +275,7 @@ def engage(e: FloatArray, phase: FloatArray, q: FloatArray, v: FloatArray) -> No
 
 
 @jit
-def forces(
-    p: FloatArray, t: float, q: FloatArray, v: FloatArray, F: FloatArray, told: FloatArray, powers: FloatArray
-) -> int:
+def forces(p: Array, t: float, q: Array, v: Array, F: Array, told: Array, powers: Array) -> int:
     """Fill the forces F (3b,) on the bodies, what is told of contacts and loads, and their powers."""
     s, bodies, phases = block(p, SCALARS)[0], block(p, BODIES), block(p, PHASES)
     for b in range(len(bodies)):
@@ -341,16 +320,7 @@ def forces(
 
 
 @entry
-def act(
-    p: FloatArray,
-    t: FloatArray,
-    q: FloatArray,
-    v: FloatArray,
-    phases: FloatArray,
-    F: FloatArray,
-    told: FloatArray,
-    powers: FloatArray,
-) -> None:
+def act(p: Array, t: Array, q: Array, v: Array, phases: Array, F: Array, told: Array, powers: Array) -> None:
     """Do as ``forces`` at times (n,) in states (n, 3b); a contact that is on in ``phases`` is engaged."""
     contacts, now = block(p, CONTACTS), block(p, PHASES)
     for n in range(len(t)):
@@ -362,23 +332,23 @@ def act(
 
 
 @entry
-def drive(p: FloatArray, t: FloatArray, motion: FloatArray) -> None:
+def drive(p: Array, t: Array, motion: Array) -> None:
     """Fill what ``driven`` returns at times (n,), (n, 3)."""
     for n in range(len(t)):
         motion[n] = driven(p, t[n])
 
 
 @entry
-def react(p: FloatArray, q: FloatArray, g: FloatArray, B: FloatArray) -> None:
-    """Fill the rows g (n, m) and B (n, m, 3b) of joints, guides and driver in positions (n, 3b) at t = 0."""
-    phases, still, (c, gamma) = block(p, PHASES), np.zeros(q.shape[1]), np.empty((2, B.shape[1]))
-    phases[:] = 0.0
-    for n in range(len(q)):
-        fill_rows(p, 0.0, q[n], still, g[n], B[n], c, gamma)
+def look(p: Array, t: Array, q: Array, v: Array, B: Array, g: Array, c: Array, gamma: Array) -> int:
+    """Fill B (n, most, 3b), g, c and gamma (n, most) at times (n,) in states; return the rows filled."""
+    m = 0
+    for n in range(len(t)):
+        m = fill_rows(p, t[n], q[n], v[n], g[n], B[n], c[n], gamma[n])
+    return m
 
 
 @jit
-def factor(M: FloatArray, swaps: IntArray) -> float:
+def factor(M: Array, swaps: IntArray) -> float:
     """Replace M by its factors, by Gauss's elimination with row pivots; return its determinant."""
     n, determinant = len(M), 1.0
     for k in range(n):
@@ -401,7 +371,7 @@ def factor(M: FloatArray, swaps: IntArray) -> float:
 
 
 @jit
-def solve(M: FloatArray, swaps: IntArray, x: FloatArray) -> None:
+def solve(M: Array, swaps: IntArray, x: Array) -> None:
     """Replace x by the solution of M x, by factors."""
     n = len(M)
     for k in range(n):
@@ -416,7 +386,7 @@ def solve(M: FloatArray, swaps: IntArray, x: FloatArray) -> None:
 
 
 @jit
-def solve_transposed(M: FloatArray, swaps: IntArray, x: FloatArray) -> None:
+def solve_transposed(M: Array, swaps: IntArray, x: Array) -> None:
     """Replace x by the solution of M^T x, by factors of M."""
     n = len(M)
     for i in range(n):
@@ -431,7 +401,7 @@ def solve_transposed(M: FloatArray, swaps: IntArray, x: FloatArray) -> None:
 
 
 @entry
-def rates(p: FloatArray, t: float, y: FloatArray, out: FloatArray) -> None:
+def rates(p: Array, t: float, y: Array, out: Array) -> None:
     """Fill y' (state,), and in p's last block v (3b,), a (3b,), the multipliers and what ``forces`` tells.
 
     The last two numbers told are the determinant of the dependent coordinates' rows, and the largest of T.
@@ -499,18 +469,3 @@ def rates(p: FloatArray, t: float, y: FloatArray, out: FloatArray) -> None:
     solve_transposed(G, swaps, multipliers)
     if scalars[MOTION] >= 0.0:  # the driver's row is the last, and so is the sum of its work
         sums[driver] = multipliers[m - 1] * driven(p, t)[1]
-
-
-@entry
-def look(
-    p: FloatArray,
-    t: float,
-    q: FloatArray,
-    v: FloatArray,
-    B: FloatArray,
-    g: FloatArray,
-    c: FloatArray,
-    gamma: FloatArray,
-) -> int:
-    """Fill all rows at a state, and return how many there are."""
-    return fill_rows(p, t, q, v, g, B, c, gamma)

@@ -10,13 +10,11 @@ least squares in the norm of M^-1: B M^-1 B^T lambda = B (a - M^-1 F).
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from engine_models.engine import Contact, FloatArray, UnsupportedScene
-from engine_models.mechanics.loads import force_on_pin
-from engine_models.mechanics.states import pin_gap
+from engine_models.engine import Contact, FloatArray, Trajectory, UnsupportedScene
+from engine_models.mechanics.states import pin_gap, way
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Numbers
 from engine_models.scene.plain_words import shown
@@ -94,25 +92,57 @@ def require_family(scene: Scene, engine: str) -> None:
             )
 
 
+def force_on_pin(contact: Contact | ContactStates) -> FloatArray:
+    """Return the force of a bearing on its pin, (n, 2) in N."""
+    distance = np.maximum(np.hypot(*contact.gap_m.T), np.finfo(float).tiny)
+    x, y = contact.gap_m.T / distance
+    force = -contact.normal_force_N * np.array([x, y])
+    if contact.friction_force_N is not None:
+        force += contact.friction_force_N * np.array([-y, x])
+    return np.asarray(force.T)
+
+
+def reactions_of(
+    of: data.MechanismData,
+    multipliers: FloatArray,
+    contacts: Mapping[str, Contact | ContactStates],
+    torque: FloatArray | None,
+) -> Reactions:
+    """Return multipliers (n, m) in the order of the rows by name, beside what contacts do.
+
+    ``torque`` (n,) is that of a drive that prescribes no motion.
+    """
+    rows, forces = iter(multipliers.T), dict[str, FloatArray]()
+    for pin in of.ideal:
+        forces[pin.name] = np.stack([next(rows), next(rows)], axis=-1)
+    for pin in of.loose:
+        force = force_on_pin(contacts[pin.name])
+        forces[pin.name] = -force if pin.bearing_on_j else force
+    across, moments = dict[str, FloatArray](), dict[str, FloatArray]()
+    for guide in of.guides:
+        across[guide.name] = next(rows)
+        if not guide.turns:
+            moments[guide.name] = next(rows)
+    ordered = {pin.name: forces[pin.name] for pin in of.pins}
+    return Reactions(ordered, across, moments, next(rows) if of.drive.prescribes else torque)
+
+
 class Forces(Numbers):
-    """The forces on the bodies of a scene's mechanism, and its reactions, in any states."""
+    """The forces on the bodies of a scene's mechanism, and its reactions, in any states.
+
+    ``along`` names the parts of loads that act along a line; ``integrated`` the works that are integrals over
+    time, as in ``Trajectory.load_work_J``, and "driver".
+    """
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene.mechanism, np.zeros(3 * len(scene.mechanism.bodies)), _damping_of)
-        self._short = "slider." if scene.is_short else ""
-        bodies = self.block(eq.BODIES)
-        #: Mass, mass and inertia of every body, (bodies, 3).
-        self.masses = bodies[:, [0, 0, 1]]
-
-    @cached_property
-    def integrated(self) -> tuple[str, ...]:
-        """The works that are integrals over time, as in ``Trajectory.load_work_J``, and "driver"."""
-        undamped = {f"spring:{spring.name}" for spring in self.of.springs if not spring.damping_N_s_m}
-        law, exact = self.of.drive.law, {f"{name}.{part}" for name in self.of.names for part in EXACT}
-        if isinstance(law, data.Torque) and not isinstance(law.torque_N_m, data.Table):
-            exact.add("driver")
-        names = [name.removeprefix(self._short) for name in self.parts if name not in exact | undamped]
-        return (*names, "driver") if self.of.drive.prescribes else (*names,)
+        self._short, law = "slider." if scene.is_short else "", self.of.drive.law
+        kinds = self.block(eq.PARTS)[:, 0]
+        self.along = [name for name, kind in zip(self.parts, kinds, strict=True) if kind == eq.LINE]
+        names = [name for name in self.working if name.rpartition(".")[2] not in EXACT]
+        self._torque = law.torque_N_m if isinstance(law, data.Torque) else None
+        driven = law is not None and not isinstance(self._torque, float)
+        self.integrated = tuple(name.removeprefix(self._short) for name in [*names, *["driver"] * driven])
 
     def motion(self, time_s: FloatArray) -> FloatArray:
         """Return how far what is driven has gone since t = 0, its speed and its acceleration, (3, n)."""
@@ -149,21 +179,18 @@ class Forces(Numbers):
         F = np.empty((n, 3 * bodies))
         told, powers = np.empty((n, len(self.told))), np.empty((n, len(self.sums) + 1))
         eq.act(self.p, time_s, _flat(position), _flat(velocity), phases, F, told, powers)
-        at, place = eq.OF_CONTACT * len(loose), eq.OF_SUMS * len(loose)
-        states = {
-            pin.name: self._contact(
-                k, pin, position, told[:, eq.OF_CONTACT * k :], powers[:, eq.OF_SUMS * k :]
-            )
-            for k, pin in enumerate(loose)
-        }
+        at, place, states = eq.OF_CONTACT * len(loose), eq.OF_SUMS * len(loose), dict[str, ContactStates]()
+        for k, pin in enumerate(loose):
+            gap, c = pin_gap(pin, position, np.zeros_like(position)).gap_m, self.contacts[k, eq.C]
+            normal, friction, _, rate, *_ = told[:, eq.OF_CONTACT * k : eq.OF_CONTACT * (k + 1)].T
+            losses = powers[:, eq.OF_SUMS * k + 1 : eq.OF_SUMS * (k + 1)].T
+            distance = np.hypot(*gap.T)
+            rate_m_s = rate * c / np.maximum(distance, np.finfo(float).tiny)
+            states[pin.name] = ContactStates(gap, distance - c, normal, friction, rate_m_s, *losses)
         parts = {name: told[:, at + k] for k, name in enumerate(self.parts)}
-        named = {name.removeprefix(self._short): powers[:, place + k] for k, name in enumerate(self.parts)}
-        return Acting(
-            F.reshape(n, bodies, 3),
-            parts,
-            {name: named[name] for name in self.integrated if name in named},
-            states,
-        )
+        works = {name.removeprefix(self._short): powers[:, place + k] for k, name in enumerate(self.parts)}
+        works = {name: works[name] for name in self.integrated if name in works}
+        return Acting(F.reshape(n, bodies, 3), parts, works, states)
 
     def reactions(
         self,
@@ -178,48 +205,53 @@ class Forces(Numbers):
         ``contacts`` has what the joints with clearance do then.
         """
         acting = self.act(time_s, position, velocity, contacts)
-        B, masses = self.rows_at(_flat(position))[1], self.masses.ravel()
+        B, masses = self.look(0.0, _flat(position))[0], self.masses.ravel()
         missing = _flat(acceleration) - _flat(acting.on_bodies) / masses
         multipliers = solve_systems(B / masses @ B.swapaxes(1, 2), B @ missing[..., None])
-        return self.named(multipliers, contacts, acting.parts.get("driver"))
+        return reactions_of(self.of, multipliers, contacts, acting.parts.get("driver"))
 
-    def named(
-        self,
-        multipliers: FloatArray,
-        contacts: Mapping[str, Contact | ContactStates],
-        torque: FloatArray | None,
-    ) -> Reactions:
-        """Return multipliers (n, m) in the order of the rows by name, beside what contacts do.
+    def works_J(self, position: FloatArray, integrated: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return the work of each part of the loads, and "driver", since the first of positions, (n,).
 
-        ``torque`` (n,) is that of a drive that prescribes no motion.
+        Those that are ``integrated`` are given; the others follow from where the bodies are.
         """
-        rows, of, forces = iter(multipliers.T), self.of, dict[str, FloatArray]()
-        for pin in of.ideal:
-            forces[pin.name] = np.stack([next(rows), next(rows)], axis=-1)
-        for pin in of.loose:
-            force = force_on_pin(contacts[pin.name])
-            forces[pin.name] = -force if pin.bearing_on_j else force
-        across, moments = dict[str, FloatArray](), dict[str, FloatArray]()
-        for guide in of.guides:
-            across[guide.name] = next(rows)
-            if not guide.turns:
-                moments[guide.name] = next(rows)
-        ordered = {pin.name: forces[pin.name] for pin in of.pins}
-        return Reactions(ordered, across, moments, next(rows) if of.drive.prescribes else torque)
+        exact = dict[str, FloatArray]()
+        for load in self.of.loads:
+            name, angle = self.of.bodies[load.body].name, position[:, load.body, 2]
+            exact[f"{name}.torque"] = load.torque_N_m * (angle - angle[0])
+            if load.line is not None:
+                s, _ = way(load.line, position, np.zeros_like(position))
+                gone, middle = s - s[0], (s + s[0]) / 2
+                exact[f"{name}.force"] = load.force_N * gone
+                exact[f"{name}.spring"] = -load.spring_N_m * gone * (middle - load.free_position_m)
+        if isinstance(self._torque, float):
+            angle = position[:, self.of.drive.body, 2]
+            exact["driver"] = self._torque * (angle - angle[0])
+        works = dict[str, FloatArray]()
+        for name in [*self.working, *({"driver"} & {*exact, *integrated})]:
+            short = name.removeprefix(self._short)
+            works[short] = exact[name] if name in exact else integrated[short]
+        return works
 
-    def _contact(
-        self, k: int, pin: data.Pin, position: FloatArray, told: FloatArray, powers: FloatArray
-    ) -> ContactStates:
-        gap, c = pin_gap(pin, position, np.zeros_like(position)).gap_m, self.contacts[k, eq.C]
-        distance = np.hypot(*gap.T)
-        return ContactStates(
-            gap,
-            distance - c,
-            told[:, eq.NORMAL],
-            told[:, eq.FRICTION],
-            told[:, eq.RATE] * c / np.maximum(distance, np.finfo(float).tiny),
-            *powers[:, 1:4].T,
-        )
+    def accelerations(self, run: Trajectory) -> FloatArray:
+        """Return the accelerations (n, bodies, 3) that all forces of a run give to its bodies."""
+        acting, of = self.act(run.time_s, run.position, run.velocity, run.contacts).on_bodies, self.of
+        rows = [axis for pin in of.ideal for axis in run.joint_force_N[pin.name].T]
+        for guide in of.guides:
+            rows.append(run.guide_force_N[guide.name])
+            if not guide.turns:
+                rows.append(run.guide_moment_N_m.get(guide.name, np.zeros(len(acting))))
+        if of.drive.prescribes and run.driver_torque_N_m is not None:
+            rows.append(run.driver_torque_N_m)
+        multipliers, B = np.reshape(rows, (self.rows, len(acting))), self.look(0.0, _flat(run.position))[0]
+        reactions = np.einsum("mn,nmk->nk", multipliers, B).reshape(acting.shape)
+        return np.asarray((acting + reactions) / self.masses)
+
+    def on_ground(self, run: Trajectory, acceleration: FloatArray) -> FloatArray:
+        """Return force and torque about the origin (n, 3) on the ground: what weight and inertia leave."""
+        own = self.masses * (np.array([*self.of.gravity_m_s2, 0.0]) - acceleration)
+        own[..., 2] += run.position[..., 0] * own[..., 1] - run.position[..., 1] * own[..., 0]
+        return np.asarray(own.sum(axis=1))
 
 
 def _damping_of(law: str, e: float) -> float:

@@ -1,17 +1,16 @@
 """A scene as the numbers of ``equations``: its joints, walls, loads and drive, its start, its coordinates."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
-from engine_models.engine import AdapterCannot, ImpossibleStart, SimulationFailed, UnsupportedScene
-from engine_models.mechanics.states import way
+from engine_models.engine import AdapterCannot, SimulationFailed, UnsupportedScene
+from engine_models.mechanics.states import turns_of, way
 from engine_models.minimal import equations as eq
 from engine_models.scene.mechanism import levers_m
 from engine_models.scene.scene import Scene
@@ -26,37 +25,32 @@ GROUND = [NONE, 0.0, 0.0]
 STEEP, SINGULAR = 4.0, 1e-7
 #: Floor of the approach speed in laws that divide by it, where the scene gives none.
 SLOWEST_M_S = 1e-6
-#: By how much joints may be open at the start, as a part of the size, and drift apart, of the largest speed.
-CLOSED = 1e-9
 #: The factor a of a contact's law, by its name and the restitution.
 Damping = Callable[[str, float], float]
+#: a(e) of F = K delta^n (1 + a delta'/v0) from each law's paper, of those with restitution.
+FACTORS: Mapping[str, Callable[[float], float]] = {
+    "hunt-crossley": lambda e: 1.5 * (1 - e),
+    "lankarani-nikravesh": lambda e: 0.75 * (1 - e * e),
+    "gonthier": lambda e: (1 - e * e) / e,
+    "zhiying-qishao": lambda e: 0.75 * (1 - e * e) * math.exp(2 - 2 * e),
+    "flores": lambda e: 1.6 * (1 - e) / e,
+    "hu-guo": lambda e: 1.5 * (1 - e) / e,
+    "carvalho-martins": lambda e: 1.5 * (1 - e) * (11 - e) / (1 + 9 * e),
+}
 #: Newton's steps to close joints, and the change that ends them.
 STEPS, CHANGE = 20, 1e-15
 
 
 def damping_of(law: str, e: float) -> float:
-    """Return a(e) of F = K delta^n (1 + a delta'/v0), from each law's paper; 0 of those without restitution.
+    """Return a(e).
 
     Raises:
-        UnsupportedScene: the law is none of these.
+        UnsupportedScene: the law is not known here.
     """
-    match law:
-        case "hunt-crossley":
-            return 1.5 * (1 - e)
-        case "lankarani-nikravesh":
-            return 0.75 * (1 - e * e)
-        case "gonthier":
-            return (1 - e * e) / e
-        case "zhiying-qishao":
-            return 0.75 * (1 - e * e) * math.exp(2 - 2 * e)
-        case "flores":
-            return 1.6 * (1 - e) / e
-        case "hu-guo":
-            return 1.5 * (1 - e) / e
-        case "carvalho-martins":
-            return 1.5 * (1 - e) * (11 - e) / (1 + 9 * e)
-        case "linear" | "kelvin-voigt" | "hertz" | "rigid":
-            return 0.0
+    if law in FACTORS:
+        return FACTORS[law](e)
+    if law in ("linear", "kelvin-voigt", "hertz", "rigid"):
+        return 0.0
     raise UnsupportedScene(f"the independent solver has no contact law {law!r}")
 
 
@@ -76,19 +70,11 @@ def wall_of(room: data.ClearanceData, damping: Damping) -> list[float]:
             raise UnsupportedScene(f"the independent solver has no friction law {friction.law!r}")
         speeds = friction.regularisation_speed_m_s, friction.dead_band_speed_m_s or 0.0
         rubs = [friction.coefficient, *speeds, float(friction.law == "tanh")]
-    return [
-        c,
-        room.bearing_radius_m,
-        K,
-        room.exponent or (1.0 if law in ("linear", "kelvin-voigt") else 1.5),
-        damping(law, e),
-        room.damping_N_s_m or 0.0,
-        room.minimum_impact_speed_m_s or (0.0 if law == "rigid" else SLOWEST_M_S),
-        e,
-        float(room.may_pull or law == "kelvin-voigt"),
-        float(room.may_pull),
-        *rubs,
-    ]
+    n = room.exponent or (1.0 if law in ("linear", "kelvin-voigt") else 1.5)
+    slowest = room.minimum_impact_speed_m_s or (0.0 if law == "rigid" else SLOWEST_M_S)
+    pulls = [float(room.may_pull or law == "kelvin-voigt"), float(room.may_pull)]
+    stiff = [K, n, damping(law, e), room.damping_N_s_m or 0.0]
+    return [c, room.bearing_radius_m, *stiff, slowest, e, *pulls, *rubs]
 
 
 def curve_of(table: data.Table) -> PPoly:
@@ -107,7 +93,7 @@ def curve_of(table: data.Table) -> PPoly:
 
 @dataclass(frozen=True)
 class Kinks:
-    """Where the pieces of a curve over a coordinate of y begin, (n,), with the end; and its period or 0."""
+    """Where the pieces of a curve over a coordinate of y begin, (n,), and its period or 0."""
 
     coordinate: int
     begins: FloatArray
@@ -115,15 +101,15 @@ class Kinks:
 
     def piece(self, y: FloatArray) -> int:
         """Return the piece that a state is in, counted on from period to period; -1 is before the first."""
-        x, first, count = float(y[self.coordinate]), self.begins[0], len(self.begins) - 1
-        turns = math.floor((x - first) / self.period) if self.period else 0
-        return turns * count + int(np.searchsorted(self.begins, x - turns * self.period, "right")) - 1
+        x = float(y[self.coordinate])
+        turns = math.floor((x - self.begins[0]) / self.period) if self.period else 0
+        place = int(np.searchsorted(self.begins, x - turns * self.period, "right")) - 1
+        return turns * len(self.begins) + place
 
     def begin(self, piece: int) -> float:
         """Return where a piece begins."""
-        count = len(self.begins) - 1
-        turns = piece // count if self.period else 0
-        return float(self.begins[piece - turns * count] + turns * self.period)
+        turns, place = divmod(piece, len(self.begins))
+        return float(self.begins[place] + turns * self.period)
 
 
 class LimitPosition(SimulationFailed):
@@ -134,29 +120,32 @@ class Numbers:
     """A mechanism as one array of numbers ``p`` (see ``equations``), begun at positions q (3b,).
 
     ``size`` is 3b and ``rows`` how many rows of joints there are; ``sums`` names the sums of powers, and
-    ``parts`` the parts of loads, the torque of a drive that prescribes no motion among them.
+    ``parts`` the parts of loads, the torque of a drive that prescribes no motion among them, ``working``
+    those that store nothing. ``kinks`` are those of tables over an angle or a speed, ``stops_s`` the
+    times of those over time, and of ramps.
 
     Raises:
         UnsupportedScene: a contact has a law that is not known here.
     """
 
     def __init__(self, of: data.MechanismData, q: FloatArray, damping: Damping) -> None:
-        self.of, self.size = of, len(q)
+        self.of, self.size, self.kinks, self._stops = of, len(q), list[Kinks](), list[float]()
         self._curves, self._pieces = list[list[float]](), [np.zeros((0, 5))]
-        self.kinks = list[Kinks]()
-        parts, joints = [*self._parts()], [*self._joints(q)]
+        parts, joints, motion = [*self._parts()], [*self._joints(q)], self._motion()
         self.parts = [name for name, _ in parts]
+        undamped = {f"spring:{spring.name}" for spring in of.springs if not spring.damping_N_s_m}
+        self.working = [name for name in self.parts if name not in {"driver", *undamped}]
         self.rows = sum(2 if row[0] == eq.PIN else 1 for row in joints)
         contacts = [[*_ends(pin), *wall_of(pin.clearance, damping)] for pin in of.loose if pin.clearance]
         driver = ["driver"] if of.drive.prescribes else []
         sums = ("normal_impulse_N_s", "normal_loss_J", "clipped_loss_J", "friction_loss_J")
         self.sums = [*((pin.name, each) for pin in of.loose for each in sums), *self.parts, *driver]
         most = self.rows + len(contacts)
+        self.stops_s = np.unique(np.array(self._stops) - of.drive.clock_s)
         self.lever_m = max(levers_m(of)) or 1.0
         self.unit = np.tile([self.lever_m, self.lever_m, 1.0], len(of.bodies))
-        self._first = 2 * self.size + most
-        told = self._first + eq.OF_CONTACT * len(contacts) + len(parts) + 2
-        motion = self._motion()
+        self.first = 2 * self.size + most  # of what is told of contacts
+        told = self.first + eq.OF_CONTACT * len(contacts) + len(parts) + 2
         self.p = _packed(
             [
                 [[body.mass_kg, body.inertia_kg_m2] for body in of.bodies],
@@ -173,33 +162,37 @@ class Numbers:
         )
         self.contacts, self.phases = self.block(eq.CONTACTS), self.block(eq.PHASES)
         self.order, self.told = self.block(eq.ORDER)[0], self.block(eq.TOLD)[0]
-
-    def rows_at(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return g (n, m) and B (n, m, 3b) of joints, guides and driver in positions (n, 3b) at t = 0."""
-        g, B = np.empty((len(q), self.rows)), np.empty((len(q), self.rows, self.size))
-        eq.react(self.p, np.ascontiguousarray(q), g, B)
-        return g, B
+        #: Mass, mass and inertia of every body, (bodies, 3).
+        self.masses = self.block(eq.BODIES)[:, [0, 0, 1]]
 
     def block(self, number: int) -> FloatArray:
         """Return a block of ``p``, of which a change changes it."""
         first, rows, columns = self.p[3 * number : 3 * number + 3].astype(int).tolist()
         return self.p[first : first + rows * columns].reshape(rows, columns)
 
+    def look(self, t: float, q: FloatArray, v: FloatArray | None = None) -> tuple[FloatArray, ...]:
+        """Return B (..., m, 3b) of all rows, g, c and gamma (..., m) at a time, in states q, v (..., 3b)."""
+        states, most = np.ascontiguousarray(q).reshape(-1, self.size), self.rows + len(self.phases)
+        B, (g, c, gamma) = np.empty((len(states), most, self.size)), np.empty((3, len(states), most))
+        rates = np.zeros_like(states) if v is None else np.ascontiguousarray(v).reshape(-1, self.size)
+        m = eq.look(self.p, np.full(len(states), t), states, rates, B, g, c, gamma)
+        shape = (*q.shape[:-1], m)
+        return B[:, :m].reshape(*shape, self.size), *(each[:, :m].reshape(shape) for each in (g, c, gamma))
+
     def _joints(self, q: FloatArray) -> Iterator[list[float]]:
         of = self.of
         for pin in of.ideal:
             yield [eq.PIN, pin.body_i, *pin.point_i, pin.body_j, *pin.point_j, 0.0, 0.0]
         for guide in of.guides:
-            ends = [guide.body_i, *guide.point_i, guide.body_j, *guide.point_j]
-            yield [eq.ACROSS, *ends, guide.angle_rad, 0.0]
+            ends = _line(guide)
+            yield [eq.ACROSS, *ends, 0.0]
             if not guide.turns:
                 turned = q[3 * guide.body_j + 2] - (q[3 * guide.body_i + 2] if guide.body_i >= 0 else 0.0)
-                yield [eq.PARALLEL, *ends, turned, 0.0]
+                yield [eq.PARALLEL, *ends[:-1], turned, 0.0]
         if of.drive.prescribes and of.drive.guide is not None:
             line = of.guides[of.drive.guide]
-            ends = [line.body_i, *line.point_i, line.body_j, *line.point_j]
             begin, _ = way(line, q.reshape(1, -1, 3), np.zeros((1, len(of.bodies), 3)))
-            yield [eq.DRIVEN_WAY, *ends, line.angle_rad, float(begin[0])]
+            yield [eq.DRIVEN_WAY, *_line(line), float(begin[0])]
         elif of.drive.prescribes:
             body = of.drive.body
             yield [eq.DRIVEN_ANGLE, *GROUND, body, 0.0, 0.0, q[3 * body + 2], 0.0]
@@ -209,78 +202,67 @@ class Numbers:
             case data.ConstantSpeed(speed):
                 return [eq.STEADY, speed, 0.0, 0.0, 0.0, NONE]
             case data.Ramp(first, last, duration):
+                self._stops.append(duration)
                 return [eq.RAMP, first, last - first, duration, 0.0, NONE]
             case data.Fluctuation(mean, amplitude, frequency, phase):
                 return [eq.SINE, mean, amplitude, math.tau * frequency, phase, NONE]
             case data.Course(table):
-                return [eq.TABLE, 0.0, 0.0, 0.0, 0.0, self._curve(table)]
+                return [eq.TABLE, 0.0, 0.0, 0.0, 0.0, self._over_time(table)]
         return [NONE, 0.0, 0.0, 0.0, 0.0, NONE]
 
     def _parts(self) -> Iterator[tuple[str, list[float]]]:
         """Yield the parts of loads by name."""
         for load in self.of.loads:
-            name, along = self.of.bodies[load.body].name, list[float]()
-            if (line := load.line) is not None:
-                ends = line.body_i, *line.point_i, line.body_j, *line.point_j
-                along = [eq.LINE, *ends, line.angle_rad]
-            turn = [eq.TURN, *GROUND, load.body, 0.0, 0.0, 0.0]
-            if load.force_N:
-                yield f"{name}.force", self._part(along, constant=load.force_N)
-            if load.viscous_N_s_m:
-                yield f"{name}.viscous", self._part(along, damper=load.viscous_N_s_m)
-            if load.spring_N_m:
-                spring = load.spring_N_m, load.free_position_m
-                yield f"{name}.spring", self._part(along, spring=spring)
-            if load.gas is not None:
-                yield f"{name}.gas", self._part(along, by_angle=load.gas.table, body=load.gas.body)
-            if load.force_by_time is not None:
-                yield f"{name}.by_time", self._part(along, by_time=load.force_by_time)
-            if load.torque_N_m:
-                yield f"{name}.torque", self._part(turn, constant=load.torque_N_m)
-            if load.viscous_N_m_s:
-                yield f"{name}.turning_viscous", self._part(turn, damper=load.viscous_N_m_s)
-            if load.torque_by_time is not None:
-                yield f"{name}.torque_by_time", self._part(turn, by_time=load.torque_by_time)
+            along, turn = [eq.LINE, *_line(load.line)] if load.line else [], _turn(load.body)
+            gas, angle = load.gas, -1 if load.gas is None else 3 * load.gas.body + 2
+            by_angle = {"by_angle": self._over(angle, gas.table), "body": gas.body} if gas else {}
+            parts = {
+                "force": (load.force_N, along, {"constant": load.force_N}),
+                "viscous": (load.viscous_N_s_m, along, {"damper": load.viscous_N_s_m}),
+                "spring": (load.spring_N_m, along, {"spring": load.spring_N_m, "free": load.free_position_m}),
+                "gas": (gas, along, by_angle),
+                "by_time": (load.force_by_time, along, {"by_time": self._over_time(load.force_by_time)}),
+                "torque": (load.torque_N_m, turn, {"constant": load.torque_N_m}),
+                "turning_viscous": (load.viscous_N_m_s, turn, {"damper": load.viscous_N_m_s}),
+                "torque_by_time": (
+                    load.torque_by_time,
+                    turn,
+                    {"by_time": self._over_time(load.torque_by_time)},
+                ),
+            }
+            for part, (acts, ends, numbers) in parts.items():
+                if acts:
+                    yield f"{self.of.bodies[load.body].name}.{part}", _part(ends, **numbers)
         for s in self.of.springs:
-            ends = s.body_i, *s.point_i, s.body_j, *s.point_j
-            spring = s.stiffness_N_m, s.free_length_m
-            yield f"spring:{s.name}", self._part([eq.PULL, *ends, 0.0], damper=s.damping_N_s_m, spring=spring)
-        turn = [eq.TURN, *GROUND, self.of.drive.body, 0.0, 0.0, 0.0]
+            ends = [eq.PULL, s.body_i, *s.point_i, s.body_j, *s.point_j, 0.0]
+            pull = _part(ends, damper=s.damping_N_s_m, spring=s.stiffness_N_m, free=s.free_length_m)
+            yield f"spring:{s.name}", pull
+        turn, rate = _turn(self.of.drive.body), self.size + 3 * self.of.drive.body + 2
         match self.of.drive.law:
             case data.Torque(data.Table() as table):
-                yield "driver", self._part(turn, by_time=table)
+                yield "driver", _part(turn, by_time=self._over_time(table))
             case data.Torque(float() | int() as torque):
-                yield "driver", self._part(turn, constant=torque)
+                yield "driver", _part(turn, constant=torque)
             case data.Motor(table=data.Table() as table):
-                yield "driver", self._part(turn, by_rate=table)
+                yield "driver", _part(turn, by_rate=self._over(rate, table, held=True))
             case data.Motor(stall, speed):
-                yield "driver", self._part(turn, constant=stall, damper=stall / speed)
+                yield "driver", _part(turn, constant=stall, damper=stall / speed)
 
-    def _part(
-        self,
-        acts: list[float],
-        constant: float = 0.0,
-        damper: float = 0.0,
-        spring: tuple[float, float] = (0.0, 0.0),
-        by_angle: data.Table | None = None,
-        by_time: data.Table | None = None,
-        by_rate: data.Table | None = None,
-        body: int = -1,
-    ) -> list[float]:
-        curves = [self._curve(by_angle), self._curve(by_time), self._curve(by_rate, held=True)]
-        for table, coordinate in (
-            (by_angle, 3 * body + 2),
-            (by_rate, self.size + 3 * self.of.drive.body + 2),
-        ):
-            if table is not None:
-                begins = np.array([*table.x[:-1], table.x[0] + table.period if table.period else table.x[-1]])
-                self.kinks.append(Kinks(coordinate, begins, table.period))
-        return [*acts, constant, damper, *spring, *curves, body]
+    def _over(self, coordinate: int, table: data.Table, held: bool = False) -> float:
+        """Return the number of the curve of a table over a coordinate of y, with its kinks there."""
+        begins = np.array(table.x[:-1] if table.period else table.x)
+        self.kinks.append(Kinks(coordinate, begins, table.period))
+        return self._curve(table, held)
 
-    def _curve(self, table: data.Table | None, held: bool = False) -> float:
-        """Return the number of a table's curve, which holds its ends' values or goes on beyond them."""
+    def _over_time(self, table: data.Table | None) -> float:
+        """Return the number of the curve of a table over time, with its kinks there."""
         if table is None:
             return NONE
+        self._stops += table.x
+        return self._curve(table)
+
+    def _curve(self, table: data.Table, held: bool = False) -> float:
+        """Return the number of a table's curve, which holds its ends' values or goes on beyond them."""
         curve, first = curve_of(table), sum(map(len, self._pieces))
         rows = np.zeros((len(curve.x) - 1, 5))
         rows[:, 0], rows[:, 5 - len(curve.c) :] = curve.x[:-1], curve.c.T
@@ -295,7 +277,7 @@ class Model(Numbers):
     ``start`` (state,) is the state at t = 0.
 
     Raises:
-        ImpossibleStart: joints do not close at the start, or there is none.
+        SimulationFailed: the start is singular.
         UnsupportedScene: a contact has a law that is not known here.
     """
 
@@ -305,9 +287,8 @@ class Model(Numbers):
         self.turns_rad = turns_of(q[2::3])
         q[2::3] -= self.turns_rad
         super().__init__(scene.mechanism, q, damping_of)
-        of_contacts = self.told[self._first : self._first + eq.OF_CONTACT * len(self.contacts)]
+        of_contacts = self.told[self.first : self.first + eq.OF_CONTACT * len(self.contacts)]
         self.contacts_told: FloatArray = of_contacts.reshape(-1, eq.OF_CONTACT)
-        self._require_closed(q, v)
         self.start = self.closed(0.0, np.concatenate([q, v, np.zeros(len(self.sums))]))
 
     def __call__(self, t: float, y: FloatArray) -> FloatArray:
@@ -315,15 +296,6 @@ class Model(Numbers):
         out = np.empty(len(y))
         eq.rates(self.p, t, y, out)
         return out
-
-    def look(
-        self, t: float, q: FloatArray, v: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return B (m, 3b) of all rows, and g, c and gamma (m,)."""
-        most = self.rows + len(self.phases)
-        B, (g, c, gamma) = np.empty((most, self.size)), np.empty((3, most))
-        m = eq.look(self.p, t, q, v, B, g, c, gamma)
-        return B[:m], g[:m], c[:m], gamma[:m]
 
     def closed(self, t: float, y: FloatArray) -> FloatArray:
         """Return a state near y that closes all rows, after a choice of the coordinates that depend there.
@@ -375,38 +347,30 @@ class Model(Numbers):
         values = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1)[:, None], compute_uv=False)
         return float(values[-1] / values[0]) if len(B) else 1.0
 
-    @cached_property
-    def stops_s(self) -> FloatArray:
-        """The times after the start at which tables over time and ramps have kinks."""
-        law, clock = self.of.drive.law, self.of.drive.clock_s
-        tables: list[object] = [
-            each for load in self.of.loads for each in (load.force_by_time, load.torque_by_time)
-        ]
-        tables += [law.table] if isinstance(law, data.Course) else []
-        tables += [law.torque_N_m] if isinstance(law, data.Torque) else []
-        stops = [x for table in tables if isinstance(table, data.Table) for x in table.x]
-        stops += [law.duration_s] if isinstance(law, data.Ramp) else []
-        return np.unique(np.array(stops, float) - clock)
 
-    def _require_closed(self, q: FloatArray, v: FloatArray) -> None:
-        B, g, c, _ = self.look(0.0, q, v)
-        size_m, speed = max(1.0, self.lever_m), 1.0 + float(np.abs(v).max())
-        off = ("joints are open", "m", g, size_m), ("joints or driver are off", "m/s", B @ v - c, speed)
-        for what, unit, by, whole in off:
-            if not np.abs(by).max(initial=0.0) <= CLOSED * whole:
-                allowed = f"at t = 0 s, expected no more than {CLOSED * whole:.3g} {unit}"
-                raise ImpossibleStart(f"start: {what} by {np.abs(by).max():.3g} {unit} {allowed}")
+def _line(line: data.Line) -> list[float]:
+    """Return a line: body and point of i and of j, and its angle."""
+    return [line.body_i, *line.point_i, line.body_j, *line.point_j, line.angle_rad]
 
 
-def turns_of(angle: FloatArray) -> FloatArray:
-    """Return the whole turns by twos in angles (n,), 0 in those of up to two.
+def _turn(body: int) -> list[float]:
+    """Return the kind and the ends of a torque on a body."""
+    return [eq.TURN, *GROUND, body, 0.0, 0.0, 0.0]
 
-    They would cost digits; a sine's own reduction is exact, and gas is the same after two turns.
-    """
-    within = np.arctan2(np.sin(angle), np.cos(angle))
-    count = np.round((angle - within) / math.tau)
-    kept = within + math.tau * np.mod(count, 2)
-    return np.where(np.abs(angle) <= 4 * math.pi, 0.0, angle - kept)
+
+def _part(
+    ends: list[float],
+    constant: float = 0.0,
+    damper: float = 0.0,
+    spring: float = 0.0,
+    free: float = 0.0,
+    by_angle: float = NONE,
+    by_time: float = NONE,
+    by_rate: float = NONE,
+    body: float = NONE,
+) -> list[float]:
+    """Return a part of a load, with the numbers of its curves."""
+    return [*ends, constant, damper, spring, free, by_angle, by_time, by_rate, body]
 
 
 def _ends(pin: data.Pin) -> list[float]:

@@ -80,8 +80,7 @@ def _hit(model: Model, t: float, y: FloatArray, k: int, change: float) -> tuple[
             raise AdapterCannot(f"two pins hit their walls at one instant, t = {t:.6g} s")
     N, _ = _wall_row(model, t, y, k)
     B, _, c, _ = model.look(t, y[:size], y[size : 2 * size])
-    inertia = [(body.mass_kg, body.mass_kg, body.inertia_kg_m2) for body in model.of.bodies]
-    mass = np.array(inertia).ravel()
+    mass = model.masses.ravel()
     dependent, free = model.order[: len(B)].astype(int), model.order[len(B) :].astype(int)
     T = np.zeros((size, len(free)))
     T[free] = np.eye(len(free))

@@ -6,9 +6,9 @@ It is looked for in every step, on the solver's interpolant.
 
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -28,6 +28,7 @@ from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.equations import CLIPPED, FLIGHT, PUSHED
+from engine_models.minimal.forces import reactions_of
 from engine_models.minimal.model import STEEP, Model, Numbers
 from engine_models.minimal.rigid import settle
 from engine_models.pace import Pace
@@ -44,14 +45,17 @@ GROWN = 1.5
 #: By what part of its largest the determinant of rows has fallen where their condition is looked at, and the
 #: condition at which a position is singular.
 FALLEN, SINGULAR = 0.2, 1e-4
-#: Kinds of events: of a contact, and where a table by an angle or a speed goes from a piece to the next.
-TOUCH, SIGN, KINK = range(3)
+#: Signals of contacts, by what is told of these; the rate of a gap is no event. And where a table by an angle
+#: or a speed goes from a piece to the next.
+TOUCH, SIGN, TURN, KINK = eq.ROOM, eq.SHARE, eq.RATE, -1
 #: Evaluations after which a run tells how far it has come, and after which its pace is judged.
 PAUSE, OUTLASTING = 10_000, 300_000
 #: The part of a step behind which the rate of a gap is looked at first.
 ASIDE = 1e-6
 #: Most corrections of a located event, and the part of the step that slopes are taken over.
 CORRECTIONS, DIFFERENCE = 3, 1e-3
+#: Gives the interpolant of the last step.
+Course = Callable[[], Callable[[float], FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -105,7 +109,8 @@ class Run:
         self._levels = dict[tuple[int, int], float]()
         self._first_step_s: float | None = None
         self._limit_s, self._steep, self._largest = np.inf, STEEP, 0.0
-        self._pieces = [kink.piece(self.y) for kink in model.kinks]
+        self._kinks = model.kinks if choice.sharp else []
+        self._pieces = [kink.piece(self.y) for kink in self._kinks]
         self._pause, self._pace = 0, Pace(model.scene, OUTLASTING)
 
     def run(self) -> None:
@@ -128,16 +133,17 @@ class Run:
                 except (Warning, ValueError) as trouble:  # LSODA's, and Radau's of a Jacobian with NaN
                     raise self._failure(str(trouble)) from trouble
 
+    def _solver(self, t: float, y: FloatArray, end: float, **steps: float | None) -> DOP853:
+        tolerances = {"rtol": self.choice.rtol, "atol": self._atol}
+        return METHODS[self.choice.method](self.model, t, y, end, **tolerances, **steps)
+
     def _segment(self, stop: float) -> None:
         """Go on to a stop, or to what ends the segment before: an event, or a choice of coordinates."""
         model, limit = self.model, min(self._limit_s, self.choice.longest_step_s)
         first = None if self._first_step_s is None else min(self._first_step_s, stop - self.t, limit)
-        tolerances = {"rtol": self.choice.rtol, "atol": self._atol}
         if not np.isfinite(model(self.t, self.y)).all():  # no first step would be short enough
             raise SimulationFailed(f"non-finite accelerations at t = {self.t:.6g} s")
-        solver = METHODS[self.choice.method](
-            model, self.t, self.y, stop, max_step=limit, first_step=first, **tolerances
-        )
+        solver = self._solver(self.t, self.y, stop, max_step=limit, first_step=first)
         self._limit_s = np.inf
         model(self.t, self.y)
         while solver.status == "running":
@@ -151,13 +157,14 @@ class Run:
                 self._pause = spent + PAUSE
             self.steps += 1
             model(solver.t, solver.y)
-            event = self._first_event(solver, t, before)
-            self.t, self.y = (
-                (solver.t, solver.y.copy()) if event is None else self._located(solver, t, y, event)
-            )
-            if self.choice.sharp and solver.status == "finished" and event is None:
+            course = cache(solver.dense_output)
+            event = self._first_event(solver, course, t, before)
+            self.t, self.y = solver.t, solver.y.copy()
+            if event is not None:
+                self.t, self.y = self._located(course, t, y, solver.t, event)
+            elif self.choice.sharp and solver.status == "finished":
                 self.y, self._largest = model.closed(self.t, self.y), 0.0
-            self._record(solver, t)
+            self._record(course, t)
             if event is not None:
                 self._first_step_s = None
                 self._answer(event)
@@ -185,9 +192,8 @@ class Run:
         """
         model, now, steep = self.model, float(self.model.told[-2]), float(self.model.told[-1])
         self._largest = max(self._largest, abs(before))
-        if not now / before > 0 or (
-            abs(now) < FALLEN * self._largest and model.condition(self.t, self.y) < SINGULAR
-        ):
+        fallen = abs(now) < FALLEN * self._largest
+        if not now / before > 0 or (fallen and model.condition(self.t, self.y) < SINGULAR):
             # what is driven comes to its limit as a root: the determinant's square falls evenly
             left = step_s * now**2 / (before**2 - now**2) if 0 < now / before < 1 else 0.0
             raise model.singular(self.t + left)
@@ -203,13 +209,8 @@ class Run:
 
     def _signal(self, told: FloatArray, k: int, kind: int) -> float:
         """Return what is positive past an event of contact k, from what was told of it."""
-        phase = self.model.phases[k, 0]
-        if kind == TOUCH:
-            return float(told[k, eq.ROOM] if phase == FLIGHT else -told[k, eq.ROOM])
-        return float(-told[k, eq.SHARE] if phase == PUSHED else told[k, eq.SHARE])
-
-    def _above(self, level: float, k: int, kind: int, told: FloatArray) -> float:
-        return self._signal(told, k, kind) - level
+        value, phase = float(told[k, kind]), self.model.phases[k, 0]
+        return value if phase == (CLIPPED if kind == SIGN else FLIGHT) else -value
 
     def _kinds(self, k: int) -> tuple[int, ...]:
         """Return the kinds of events that contact k can have in its phase."""
@@ -217,76 +218,61 @@ class Run:
         signs = wall[eq.A] > 0.0 if wall[eq.PULLS] == 0.0 else wall[eq.MU] > 0.0 and wall[eq.DRAGS] == 0.0
         return (TOUCH, SIGN) if signs and phase in (PUSHED, CLIPPED) else (TOUCH,)
 
-    def _first_event(self, solver: DOP853, t: float, before: FloatArray) -> Event | None:
+    def _first_event(self, solver: DOP853, course: Course, t: float, before: FloatArray) -> Event | None:
         """Return the first event in the last step, on the interpolant."""
-        model, now = self.model, self.model.contacts_told.copy()
-        events, ways = list[Event](), dict[int, int]()
-        for k in range(len(now)):
-            flies = model.phases[k, 0] == FLIGHT
-            for kind in self._kinds(k):
-                level, end = self._levels.get((k, kind), 0.0), solver.t
-                past = self._signal(now, k, kind) > level
-                rate, rate_now = (told[k, eq.RATE] * (1 if flies else -1) for told in (before, now))
-                if not past and kind == TOUCH and rate >= 0.0 > rate_now:
-                    begin = t + ASIDE * (end - t)  # a pin at the centre of its bearing has a rate of zero
-                    end = self._root(solver, partial(_rate, k), begin, end)
-                    past = self._signal(self._told(solver.dense_output(), end), k, kind) > level
-                if past:
-                    at = self._root(solver, partial(self._above, level, k, kind), t, end)
-                    events.append(Event(at, k, kind))
-        for number, kink in enumerate(model.kinks if self.choice.sharp else []):
-            way = np.sign(kink.piece(solver.y) - self._pieces[number])
-            if way:
-                edge = kink.begin(self._pieces[number] + (way > 0))
-                events.append(Event(self._kink(solver, t, edge, kink.coordinate), number, KINK))
-                ways[number] = int(way)
+        now = self.model.contacts_told.copy()
+        events = [*self._of_contacts(solver.t, course, t, before, now)]
+        pieces = [kink.piece(solver.y) for kink in self._kinks]
+        for number, piece in enumerate(pieces):
+            if piece != self._pieces[number]:
+                past = partial(self._past_kink, course, number, piece > self._pieces[number])
+                events.append(Event(_zero(past, t, solver.t), number, KINK))
         first = min(events, default=None)
         if first is not None and first.kind == KINK:
-            self._pieces[first.number] += ways[first.number]
+            self._pieces[first.number] += 1 if pieces[first.number] > self._pieces[first.number] else -1
         return first
 
-    def _kink(self, solver: DOP853, begin: float, at: float, coordinate: int) -> float:
-        """Return when in the last step a coordinate passes a value."""
-        course = solver.dense_output()
-        off = [float(course(t)[coordinate]) - at for t in (begin, solver.t)]
-        if off[0] * off[1] >= 0.0:
-            return begin if abs(off[0]) < abs(off[1]) else solver.t
-        return float(brentq(lambda t: float(course(t)[coordinate]) - at, begin, solver.t, rtol=1e-15))
+    def _of_contacts(
+        self, end: float, course: Course, t: float, before: FloatArray, now: FloatArray
+    ) -> Iterator[Event]:
+        """Yield the events of contacts in the last step, of which each is told at the begin and now."""
+        for k, kind in ((number, each) for number in range(len(now)) for each in self._kinds(number)):
+            last, turns = end, self._signal(before, k, TURN) >= 0.0 > self._signal(now, k, TURN)
+            past = self._signal(now, k, kind) > self._levels.get((k, kind), 0.0)
+            if not past and kind == TOUCH and turns:
+                begin = t + ASIDE * (end - t)  # a pin at the centre of its bearing has a rate of zero
+                last = _zero(partial(self._above, course, k, TURN), begin, end)
+                past = self._above(course, k, kind, last) > 0.0
+            if past:
+                yield Event(_zero(partial(self._above, course, k, kind), t, last), k, kind)
 
-    def _told(self, course: Callable[[float], FloatArray], t: float) -> FloatArray:
-        """Return what is told of contacts at a time within the last step."""
-        self.model(t, np.ascontiguousarray(course(t)))
-        return self.model.contacts_told
+    def _above(self, course: Course, k: int, kind: int, t: float) -> float:
+        """Return by how much a signal is past its level at a time within the last step."""
+        self.model(t, np.ascontiguousarray(course()(t)))
+        return self._signal(self.model.contacts_told, k, kind) - self._levels.get((k, kind), 0.0)
 
-    def _root(self, solver: DOP853, value: Callable[[FloatArray], float], begin: float, end: float) -> float:
-        """Return where a value of what is told passes zero in the last step."""
-        course = solver.dense_output()
+    def _past_kink(self, course: Course, number: int, rises: bool, t: float) -> float:
+        kink = self._kinks[number]
+        return float(course()(t)[kink.coordinate]) - kink.begin(self._pieces[number] + rises)
 
-        def at(t: float) -> float:
-            return float(value(self._told(course, t)))
-
-        if at(begin) * at(end) >= 0.0:  # it has just been zero
-            return begin if abs(at(begin)) <= abs(at(end)) else end
-        return float(brentq(at, begin, end, xtol=1e-300, rtol=1e-15))
-
-    def _located(self, solver: DOP853, t: float, y: FloatArray, event: Event) -> tuple[float, FloatArray]:
+    def _located(
+        self, course: Course, t: float, y: FloatArray, end: float, event: Event
+    ) -> tuple[float, FloatArray]:
         """Return time and state of an event; a sharp run takes steps to it until its signal is zero."""
-        course, at = solver.dense_output(), event.time_s
+        at, k, kind = event
         if not self.choice.sharp or at <= t:
-            return at, np.ascontiguousarray(course(at))
-        _, k, kind = event
+            return at, np.ascontiguousarray(course()(at))
         if kind == KINK:
             return at, self._step_to(t, y, at)
-        level = self._levels.get((k, kind), 0.0)
         aside = max(t, at - DIFFERENCE * (at - t))
-        rise = self._above(level, k, kind, self._told(course, at))
-        slope = (rise - self._above(level, k, kind, self._told(course, aside))) / (at - aside)
+        rise = self._above(course, k, kind, at)
+        slope = (rise - self._above(course, k, kind, aside)) / (at - aside)
         state = self._step_to(t, y, at)
         for _ in range(CORRECTIONS):
             self.model(at, state)
-            off = self._above(level, k, kind, self.model.contacts_told)
+            off = self._signal(self.model.contacts_told, k, kind) - self._levels.get((k, kind), 0.0)
             earlier = at - off / slope if slope > 0.0 else at
-            if not t < earlier <= solver.t or abs(earlier - at) <= np.spacing(at):
+            if not t < earlier <= end or abs(earlier - at) <= np.spacing(at):
                 break
             at = earlier
             state = self._step_to(t, y, at)
@@ -294,9 +280,7 @@ class Run:
 
     def _step_to(self, t: float, y: FloatArray, end: float) -> FloatArray:
         """Return the state at a time within the last step, by the method itself."""
-        solver = METHODS[self.choice.method](
-            self.model, t, y, end, rtol=self.choice.rtol, atol=self._atol, first_step=end - t
-        )
+        solver = self._solver(t, y, end, first_step=end - t)
         while solver.status == "running":
             message = solver.step()
             if solver.status == "failed":
@@ -304,26 +288,21 @@ class Run:
         self.evaluations += solver.nfev
         return np.asarray(solver.y)
 
-    def _record(self, solver: DOP853, begin: float) -> None:
+    def _record(self, course: Course, begin: float) -> None:
         """Record the samples between the begin of the last step and the time reached, and trace contacts."""
         due = self.times_s[len(self.states) :]
-        due = due[due <= self.t]
-        traced = self._touches and not (self.choice.sharp or self.choice.bare)
-        course = solver.dense_output() if len(due) or traced else None
-        for t in due.tolist():
-            assert course is not None
-            self._sample(self.y if t == self.t else np.ascontiguousarray(course(t)))
-        if traced:
-            assert course is not None
-            for t in along_steps(np.zeros(0), begin, self.t).tolist():
-                told = self._told(course, t)
-                for k, touch in self._touches.items():
-                    if touch.trace and t <= touch.trace[-1][0]:
-                        continue
-                    touch.trace.append((t, told[k, eq.NORMAL], self._depth(told, k)))
+        for t in due[due <= self.t].tolist():
+            self._sample(self.y if t == self.t else np.ascontiguousarray(course()(t)))
+        if not self._touches or self.choice.sharp or self.choice.bare:
+            return
+        for t in along_steps(np.zeros(0), begin, self.t).tolist():
+            self.model(t, np.ascontiguousarray(course()(t)))
+            for k, touch in self._touches.items():
+                if not touch.trace or t > touch.trace[-1][0]:
+                    touch.trace.append((t, float(self.model.contacts_told[k, eq.NORMAL]), self._depth(k)))
 
-    def _depth(self, told: FloatArray, k: int) -> float:
-        c, room = self.model.contacts[k, eq.C], told[k, eq.ROOM]
+    def _depth(self, k: int) -> float:
+        c, room = self.model.contacts[k, eq.C], self.model.contacts_told[k, eq.ROOM]
         return float(2 * c * room / (c + np.sqrt(c * c + 2 * c * room)))
 
     def _sample(self, y: FloatArray) -> None:
@@ -363,7 +342,7 @@ class Run:
 
     def _clip(self, y: FloatArray, k: int, sign: float) -> None:
         """Add what a contact stores to what clipping loses: all of it, from then on less what is left."""
-        wall, depth = self.model.contacts[k], max(self._depth(self.model.contacts_told, k), 0.0)
+        wall, depth = self.model.contacts[k], max(self._depth(k), 0.0)
         stored = wall[eq.K] * depth ** (wall[eq.N] + 1) / (wall[eq.N] + 1)
         y[2 * self.model.size + eq.OF_SUMS * k + 2] += sign * stored * (wall[eq.PULLS] == 0.0)
 
@@ -372,8 +351,8 @@ class Run:
         return np.array(self.y[first : first + eq.OF_SUMS])
 
     def _touch(self, k: int) -> None:
-        model, wall, told = self.model, self.model.contacts[k], self.model.contacts_told[k]
-        speed = float(told[eq.RATE] * wall[eq.C] / (wall[eq.C] + self._depth(self.model.contacts_told, k)))
+        model, wall = self.model, self.model.contacts[k]
+        speed = float(model.contacts_told[k, eq.RATE] * wall[eq.C] / (wall[eq.C] + self._depth(k)))
         model.phases[k] = PUSHED, wall[eq.A] / max(speed, wall[eq.SLOWEST]), 0.0
         self._touches[k] = Touch(self.t, speed, self._sums(k))
         model(self.t, self.y)
@@ -391,8 +370,12 @@ class Run:
         self.impacts[k].append([touch.time_s, lasted, touch.speed_m_s, impulse, sum(lost), *largest_of])
 
 
-def _rate(k: int, told: FloatArray) -> float:
-    return float(told[k, eq.RATE])
+def _zero(value: Callable[[float], float], begin: float, end: float) -> float:
+    """Return where a value passes zero in a step, or has just been zero."""
+    off = value(begin), value(end)
+    if off[0] * off[1] >= 0.0:
+        return begin if abs(off[0]) <= abs(off[1]) else end
+    return float(brentq(value, begin, end, xtol=1e-300, rtol=1e-15))
 
 
 def solve(scene: Scene, settings: RunSettings, choice: Callable[[Model], Choice]) -> Trajectory:
@@ -429,77 +412,41 @@ class Recorded(Protocol):
 
 def trajectory_of(run: Recorded, took_s: float) -> Trajectory:
     """Return what a run has recorded."""
-    model, of, scene = run.model, run.model.of, run.scene
-    y, told = np.array(run.states), np.array(run.told)
-    n, size = len(y), model.size
-    position, velocity = y[:, :size].reshape(n, -1, 3), told[:, :size].reshape(n, -1, 3)
-    multipliers, told_of = told[:, 2 * size :], told[:, 2 * size + model.rows + len(model.phases) :]
+    model, of, y, told = run.model, run.model.of, np.array(run.states), np.array(run.told)
+    n, size, count = len(y), model.size, len(of.loose)
+    position, contacts = y[:, :size].reshape(n, -1, 3), dict[str, Contact]()
+    behind = model.first + eq.OF_CONTACT * count
+    parts = dict(zip(model.parts, told[:, behind:-2].T, strict=True))
     sums: dict[Any, FloatArray] = dict(zip(model.sums, y[:, 2 * size :].T, strict=True))
-    parts = told_of[:, eq.OF_CONTACT * len(model.phases) :]
-    by_contact = told_of[:, : eq.OF_CONTACT * len(model.phases)].reshape(n, -1, eq.OF_CONTACT)
-    forces, across, moments, contacts, row = {}, {}, {}, {}, 0
-    for pin in of.ideal:
-        forces[pin.name], row = multipliers[:, row : row + 2], row + 2
-    for guide in of.guides:
-        across[guide.name], row = multipliers[:, row], row + 1
-        if not guide.turns:
-            moments[guide.name], row = multipliers[:, row], row + 1
     for k, pin in enumerate(of.loose):
-        contact = contact_of(model, k, position, by_contact[:, k], sums, run.impacts[k])
-        normal = contact.gap_m / np.maximum(np.hypot(*contact.gap_m.T), 1e-300)[:, None]
-        left = np.stack([-normal[:, 1], normal[:, 0]], axis=-1)
-        force = -by_contact[:, k, eq.NORMAL, None] * normal + by_contact[:, k, eq.FRICTION, None] * left
-        contacts[pin.name], forces[pin.name] = contact, -force if pin.bearing_on_j else force
-    effort = None
-    if of.drive.prescribes:
-        effort = multipliers[:, row]
-    elif of.drive.law is not None:
-        effort = parts[:, model.parts.index("driver")]
-    short = "slider." if scene.is_short else ""
-    undamped = {f"spring:{spring.name}" for spring in of.springs if not spring.damping_N_s_m}
-    works = [name for name in model.parts if name not in {"driver", *undamped}]
+        wall, room = model.contacts[k], pin.clearance
+        assert room is not None
+        gap = pin_gap(pin, position, np.zeros_like(position)).gap_m
+        depth, power = np.hypot(*gap.T) - wall[eq.C], wall[eq.N] + 1
+        first, rubs = model.first + eq.OF_CONTACT * k, room.friction is not None
+        contacts[pin.name] = Contact(
+            gap_m=gap,
+            penetration_m=depth,
+            normal_force_N=told[:, first + eq.NORMAL],
+            friction_force_N=told[:, first + eq.FRICTION] if rubs else None,
+            elastic_energy_J=wall[eq.K] * np.maximum(depth, 0.0) ** power / power,
+            normal_impulse_N_s=sums[pin.name, "normal_impulse_N_s"],
+            normal_loss_J=sums[pin.name, "normal_loss_J"],
+            friction_loss_J=sums[pin.name, "friction_loss_J"] if rubs else None,
+            clipped_loss_J=sums[pin.name, "clipped_loss_J"] if wall[eq.A] > 0 and not room.may_pull else None,
+            impacts=Impacts(*np.reshape(sorted(run.impacts[k]), (-1, 9)).T),
+        )
+    multipliers = told[:, 2 * size : 2 * size + model.rows]
+    short = "slider." if run.scene.is_short else ""
     return Trajectory(
+        **vars(reactions_of(of, multipliers, contacts, parts.get("driver"))),
         time_s=run.times_s,
         position=position,
-        velocity=velocity,
-        joint_force_N={pin.name: forces[pin.name] for pin in of.pins},
-        guide_force_N=across,
-        guide_moment_N_m=moments,
-        driver_torque_N_m=effort,
+        velocity=told[:, :size].reshape(n, -1, 3),
         driver_work_J=sums.get("driver"),
         step_s=float(run.times_s[-1]) / run.steps,
         steps=run.steps,
         solve_time_s=took_s,
         contacts=contacts,
-        load_work_J={name.removeprefix(short): sums[name] for name in works},
-    )
-
-
-def contact_of(
-    model: Numbers,
-    k: int,
-    position: FloatArray,
-    told: FloatArray,
-    sums: Mapping[Any, FloatArray],
-    impacts: list[list[float]],
-) -> Contact:
-    """Return what contact k did, from the bodies' positions and what was told of it, (n, 6)."""
-    pin, wall = model.of.loose[k], model.contacts[k]
-    room = pin.clearance
-    assert room is not None
-    gap = pin_gap(pin, position, np.zeros_like(position)).gap_m
-    depth = np.hypot(*gap.T) - wall[eq.C]
-    own = {name: sums[pin.name, name] for name in ("normal_impulse_N_s", "normal_loss_J")}
-    rubs, clips = room.friction is not None, wall[eq.A] > 0 and not room.may_pull
-    order = sorted(impacts, key=lambda impact: impact[0])
-    return Contact(
-        gap_m=gap,
-        penetration_m=depth,
-        normal_force_N=told[:, eq.NORMAL],
-        friction_force_N=told[:, eq.FRICTION] if rubs else None,
-        elastic_energy_J=wall[eq.K] * np.maximum(depth, 0.0) ** (wall[eq.N] + 1) / (wall[eq.N] + 1),
-        friction_loss_J=sums[pin.name, "friction_loss_J"] if rubs else None,
-        clipped_loss_J=sums[pin.name, "clipped_loss_J"] if clips else None,
-        impacts=Impacts(*np.reshape(order, (-1, 9)).T),
-        **own,
+        load_work_J={name.removeprefix(short): sums[name] for name in model.working},
     )

@@ -66,9 +66,9 @@ def reference_run(
         solution = solver.run(q, v, scene.end_time_s, settings.samples, watch, times_s)
     except Stalled as stalled:
         spacing_s = math.ulp(stalled.time_s)
-        raise too_slow(scene, spacing_s, f" or less at t = {stalled.time_s:.6g} s") from stalled
+        raise too_slow(spacing_s, f" or less at t = {stalled.time_s:.6g} s") from stalled
     except FrictionTooStiff as stiff:
-        raise too_slow(scene, stiff.needed_s) from stiff
+        raise too_slow(stiff.needed_s) from stiff
     stabilised = stabilisation != "none"
     return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
 

@@ -5,7 +5,8 @@ from dataclasses import fields
 import numpy as np
 
 from engine_models.engine import Contact, FloatArray, Impacts, SimulationFailed, Trajectory
-from engine_models.mechanics.trajectory import contact_of, trajectory_of
+from engine_models.mechanics.energy import elastic_energy_J
+from engine_models.minimal.forces import Forces
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import mechanism
@@ -45,19 +46,20 @@ def trajectory_of_solution(
         normal[guide.name] = multipliers[:, first]
         if not guide.turns:
             moment[guide.name] = multipliers[:, first + 1]
-    position, works = solution.q.reshape(len(multipliers), -1, 3), _works_of_loads(scene, solution)
-    prescribed = of.drive.prescribes
-    work = solution.constraint_work_J if prescribed else works.pop("drive", None)
-    return trajectory_of(
-        scene,
+    position, prescribed = solution.q.reshape(len(multipliers), -1, 3), of.drive.prescribes
+    velocity, acting = solution.v.reshape(position.shape), Forces(scene)
+    parts = acting.act(solution.time_s, position, velocity).parts
+    works = acting.works_J(position, _integrated_works(scene, solution))
+    driver_work = works.pop("driver", None)
+    return Trajectory(
         time_s=solution.time_s,
         position=position,
-        velocity=solution.v.reshape(position.shape),
+        velocity=velocity,
         joint_force_N={pin.name: forces[pin.name] for pin in of.pins},
         guide_force_N=normal,
         guide_moment_N_m=moment,
-        driver_torque_N_m=multipliers[:, -1] if prescribed else None,
-        driver_work_J=work,
+        driver_torque_N_m=multipliers[:, -1] if prescribed else parts.get("driver"),
+        driver_work_J=solution.constraint_work_J if prescribed else driver_work,
         step_s=step_s,
         steps=solution.steps,
         solve_time_s=solve_time_s,
@@ -67,10 +69,11 @@ def trajectory_of_solution(
     )
 
 
-def _works_of_loads(scene: Scene, solution: Solution) -> dict[str, FloatArray]:
-    """Return the works that the solution has integrated, by the names of ``loads_of``."""
+def _integrated_works(scene: Scene, solution: Solution) -> dict[str, FloatArray]:
+    """Return the works that the solution has integrated, by the names of ``Forces.integrated``."""
     short = "slider." if scene.is_short else ""
-    names = {f"load{k}": name.removeprefix(short) for k, name in enumerate(loads_of(scene.mechanism))}
+    loads = [name.removeprefix(short) for name in loads_of(scene.mechanism)]
+    names = {f"load{k}": "driver" if name == "drive" else name for k, name in enumerate(loads)}
     return {names[sum_]: work for sum_, work in solution.sums.items() if sum_ in names}
 
 
@@ -82,11 +85,13 @@ def _contact(clearance: Clearance, solution: Solution, k: int) -> Contact:
         column.name: np.array([getattr(impact, column.name) for impact in impacts])
         for column in fields(Impacts)
     }
-    return contact_of(
-        clearance,
-        solution.gap_m[:, k],
+    penetration = np.hypot(*solution.gap_m[:, k].T) - clearance.radial_clearance_m
+    return Contact(
+        gap_m=solution.gap_m[:, k],
+        penetration_m=penetration,
         normal_force_N=solution.normal_force_N[:, k],
-        friction_force_N=solution.friction_force_N[:, k],
+        friction_force_N=None if clearance.friction is None else solution.friction_force_N[:, k],
+        elastic_energy_J=elastic_energy_J(clearance, penetration),
         normal_impulse_N_s=sums[f"normal{k}"],
         normal_loss_J=sums[f"impact{k}"] + sums[f"closing{k}"] if rigid else sums[f"loss{k}"],
         friction_loss_J=sums.get(f"slide{k}"),

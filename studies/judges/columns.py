@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
-from engine_models.mechanics.loads import accelerations, load_forces, spring_pull, wrenches
-from engine_models.mechanics.states import GROUND, direction, guide_column, observed_columns, way
+from engine_models.mechanics.states import direction, guide_column, observed_columns, way
+from engine_models.minimal.forces import Forces
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import load_works
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
@@ -26,8 +26,8 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
     guide's on its body, to the left of the guide's direction. A spring's force pulls its ends together.
     """
     of, run = scene.mechanism, trajectory
-    acting = wrenches(scene, run)
-    moving = accelerations(of, acting)
+    forces = Forces(scene)
+    parts, moving = forces.act(run.time_s, run.position, run.velocity).parts, forces.accelerations(run)
     columns = {"time_s": run.time_s}
     columns |= _crank_slider(scene, run) if scene.is_short else _bodies(scene, run, moving)
     for joint, force in run.joint_force_N.items():
@@ -36,10 +36,8 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
     if run.driver_torque_N_m is not None:
         along = of.drive.guide is not None
         columns["driver_force_N" if along else "driver_torque_N_m"] = run.driver_torque_N_m
-    forces = load_forces(of, run.time_s, run.position, run.velocity)
-    columns |= {f"{name.replace('.', '_')}_force_N": force for name, force in forces.items()}
-    for spring in of.springs:
-        columns[f"spring_{spring.name}_force_N"], _ = spring_pull(spring, run.position, run.velocity)
+    columns |= {f"{name.replace('.', '_')}_force_N": parts[name] for name in forces.along}
+    columns |= {f"spring_{spring.name}_force_N": -parts[f"spring:{spring.name}"] for spring in of.springs}
     columns |= _energies(scene, run)
     for joint, contact in run.contacts.items():
         columns |= {
@@ -57,7 +55,7 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
         columns["slider_acceleration_m_s2"] = np.sum(forward * moving[:, SLIDER, :2], axis=1)
         columns |= {"rod_angle_rad": run.position[:, ROD, 2], "rod_speed_rad_s": run.velocity[:, ROD, 2]}
     names = "ground_force_x_N", "ground_force_y_N", "ground_moment_N_m"
-    return columns | dict(zip(names, acting[:, GROUND].T, strict=True))
+    return columns | dict(zip(names, forces.on_ground(run, moving).T, strict=True))
 
 
 def _crank_slider(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
@@ -98,7 +96,7 @@ def _energies(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
     of = scene.mechanism
     if any(of.gravity_m_s2) or run.contacts or of.springs:  # a contact stores elastic energy
         columns["potential_energy_J"] = potential_energy_J(scene, run)
-    is_product = scene.drive.kind not in OF_TIME and scene.is_plain
+    is_product = scene.drive.kind not in OF_TIME and scene.is_short
     if run.driver_work_J is not None and (run.load_work_J or not is_product):
         columns["driver_work_J"] = run.driver_work_J
     columns |= load_works(run)

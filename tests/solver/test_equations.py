@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray
-from engine_models.mechanics.loads import load_forces
+from engine_models.minimal.forces import Forces
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.scene import Scene
@@ -178,7 +178,7 @@ def missing(scene: Scene, state: FloatArray, answers: FloatArray) -> FloatArray:
         answers[15:17],
     )
     now = np.zeros(1), position[None], velocity[None]
-    load = sum(f[0] for f in load_forces(scene.mechanism, *now).values())
+    load = sum(f[0] for f in Forces(scene).act(*now).parts.values())
     s, d = crank.centre_of_mass_m, rod.centre_of_mass_m
     at = [
         (0, 0, -s, 1),

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.loads import accelerations, wrenches
 from engine_models.mechanics.states import lever_m
+from engine_models.minimal.forces import Forces
 from engine_models.reference.solution import mechanism_of
-from engine_models.scene.file import from_toml
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
-from tests.engines.runs import fresh, run
+from tests.engines.runs import run
 from tests.scenes import scene
 
 #: Round-off of forces and accelerations, in parts of the largest.
@@ -52,6 +51,12 @@ def ran(name: str) -> tuple[Scene, Trajectory, FloatArray]:
     return of, found, np.reshape(accelerated, (n, *shape))
 
 
+def ground_of(of: Scene, run: Trajectory) -> FloatArray:
+    """Return force and torque (n, 3) on the ground."""
+    forces = Forces(of)
+    return forces.on_ground(run, forces.accelerations(run))
+
+
 def close(found: FloatArray, true: FloatArray, scale: float | np.floating) -> None:
     np.testing.assert_allclose(found, true, rtol=0, atol=ROUND_OFF * float(scale))
 
@@ -59,7 +64,7 @@ def close(found: FloatArray, true: FloatArray, scale: float | np.floating) -> No
 @pytest.mark.parametrize("name", STEPS)
 def test_what_acts_on_bodies_accelerates_them_as_the_solver_says(name: str) -> None:
     of, run, true = ran(name)
-    found = accelerations(of.mechanism, wrenches(of, run))
+    found = Forces(of).accelerations(run)
     for part in (slice(0, 2), slice(2, 3)):
         close(found[..., part], true[..., part], np.abs(true[..., part]).max())
 
@@ -74,34 +79,6 @@ def test_the_ground_feels_the_bodies_weights_and_inertia(name: str) -> None:
     x, y = run.position[..., 0], run.position[..., 1]
     moment = (x * own[..., 1] - y * own[..., 0] - inertias * a[..., 2]).sum(axis=1)
     forces = [*run.joint_force_N.values(), *run.guide_force_N.values()]
-    ground, largest = wrenches(of, run)[:, -1], max(np.abs(force).max() for force in forces)
+    ground, largest = ground_of(of, run), max(np.abs(force).max() for force in forces)
     close(ground[:, :2], own.sum(axis=1), largest)
     close(ground[:, 2], moment, largest * lever_m(of))
-
-
-BEAM = """
-name = "beam"
-end_time_s = 0.01
-gravity_m_s2 = 9.81
-observe = "R.x"
-ground.pins_m = { O = [0.5, 0.2] }
-guide.floor = { body = "roller", pin = "R", through_m = [0.0, 0.2] }
-load.roller = { force_N = 7.0, torque_N_m = 0.6 }
-start.angle_rad.beam = 0.0
-[body]
-beam = { pins_m = { O = 0.0, R = 2.0 }, centre_of_mass_m = 0.5, mass_kg = 4.0, inertia_kg_m2 = 1.0 }
-roller = { pins_m = { R = 0.0 }, mass_kg = 1.0, inertia_kg_m2 = 0.01 }
-"""
-
-
-def test_a_beam_rests_on_its_pin_and_its_roller_and_loads_push_back_on_the_ground() -> None:
-    """4 kg a quarter of the way to the roller of 1 kg; all that pushes on it is the ground's own."""
-    of = from_toml(BEAM)
-    run = fresh("reference", of, 1, 2)
-    g = 9.81
-    assert run.joint_force_N["O"] == pytest.approx(np.tile([-7.0, 3 * g], (3, 1)))
-    assert run.joint_force_N["R"] == pytest.approx(np.tile([-7.0, -1 * g], (3, 1)))
-    assert run.guide_force_N["floor"] == pytest.approx(np.full(3, 2 * g))
-    assert run.guide_moment_N_m["floor"] == pytest.approx(np.full(3, -0.6))
-    ground = wrenches(of, run)[:, -1]
-    assert ground == pytest.approx(np.tile([0.0, -5 * g, -(4 * 1.0 + 1 * 2.5) * g], (3, 1)), abs=1e-10)

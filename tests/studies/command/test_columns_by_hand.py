@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine_models.engine import Contact, Impacts, Trajectory
+from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
 from engine_models.scene.library import SCENES
 from studies.judges.columns import impact_columns, sample_columns
 
-#: Masses and inertias of set R: crank, rod, slider; and gravity.
+#: Masses and inertias of set R: crank, rod, slider; and gravity; the lengths of crank and rod.
 MASS_KG, INERTIA_KG_M2, GRAVITY_M_S2 = (0.30, 0.21, 0.14), (1e-4, 2.5e-4, 1e-4), 9.81
 NONE = np.zeros(2)
+CRANK_M, ROD_M = 0.05, 0.12
+#: From the centre of bearing B to its pin at two times.
+GAP_M = np.array([[3e-4, 4e-4], [-1e-4, 2e-4]])
 
 
 def impacts(*times: float) -> Impacts:
@@ -21,7 +24,7 @@ def impacts(*times: float) -> Impacts:
 
 def contact() -> Contact:
     return Contact(
-        gap_m=np.array([[3e-4, 4e-4], [-1e-4, 2e-4]]),
+        gap_m=GAP_M,
         penetration_m=np.array([0.0, -2.8e-4]),
         normal_force_N=np.array([70.0, 0.0]),
         friction_force_N=np.array([7.0, 0.0]),
@@ -34,11 +37,20 @@ def contact() -> Contact:
     )
 
 
-def run() -> Trajectory:
+def position(gap_m: FloatArray) -> FloatArray:
+    """Return two states (2, 3, 3) with joints O and A closed, and such a gap at B; angles are 3, 6, ..."""
+    crank, rod, slider = np.array([[3.0, 12.0], [6.0, 15.0], [9.0, 18.0]])
+    pin_A = CRANK_M * np.stack([np.cos(crank), np.sin(crank)], axis=1)
+    to_B = ROD_M * np.stack([np.cos(rod), np.sin(rod)], axis=1)
+    centres = pin_A / 2, pin_A + to_B / 2, pin_A + to_B + gap_m
+    return np.dstack([np.stack(centres, axis=1), np.stack([crank, rod, slider], axis=1)])
+
+
+def run(gap_m: FloatArray = GAP_M) -> Trajectory:
     """Two states with a different number in every place."""
     return Trajectory(
         time_s=np.array([0.0, 1.0]),
-        position=np.arange(1.0, 19.0).reshape(2, 3, 3),
+        position=position(gap_m),
         velocity=np.arange(21.0, 39.0).reshape(2, 3, 3),
         joint_force_N=dict(zip("OAB", np.arange(41.0, 53.0).reshape(2, 3, 2).swapaxes(0, 1), strict=True)),
         guide_force_N={"guide": np.array([61.0, 62.0])},
@@ -58,18 +70,19 @@ def energies_J(sample: int) -> tuple[float, float]:
     for body in range(3):
         x, y, turn = (21.0 + 9 * sample + 3 * body + k for k in range(3))
         kinetic += MASS_KG[body] * (x * x + y * y) / 2 + INERTIA_KG_M2[body] * turn * turn / 2
-        potential += MASS_KG[body] * GRAVITY_M_S2 * (2.0 + 9 * sample + 3 * body)
+        potential += MASS_KG[body] * GRAVITY_M_S2 * position(GAP_M)[sample, body, 1]
     return kinetic, potential + (0.5, 0.0)[sample]
 
 
 def test_every_column_has_its_name_its_place_and_its_number() -> None:
     columns = sample_columns(SCENES["clearance-driven-damped"](), run())
     (kinetic_0, potential_0), (kinetic_1, potential_1) = energies_J(0), energies_J(1)
+    x_0, x_1 = position(GAP_M)[:, 2, 0].tolist()
     expected = {
         "time_s": (0.0, 1.0),
         "crank_angle_rad": (3.0, 12.0),
         "crank_speed_rad_s": (23.0, 32.0),
-        "slider_position_m": (7.0, 16.0),
+        "slider_position_m": (x_0, x_1),
         "slider_velocity_m_s": (27.0, 36.0),
         "joint_O_force_x_N": (41.0, 47.0),
         "joint_O_force_y_N": (42.0, 48.0),
@@ -96,10 +109,10 @@ def test_every_column_has_its_name_its_place_and_its_number() -> None:
         "slider_acceleration_m_s2": (-47.6 / 0.14, 0.0),
         "rod_angle_rad": (6.0, 15.0),
         "rod_speed_rad_s": (26.0, 35.0),
-        # Joint O is at the origin, the guide pushes at x = 7 m and at x = 16 m.
+        # Joint O is at the origin, the guide pushes at the slider's pin.
         "ground_force_x_N": (-41.0, -47.0),
         "ground_force_y_N": (-42.0 - 61.0, -48.0 - 62.0),
-        "ground_moment_N_m": (-7.0 * 61.0 - 65.0 - 63.0, -16.0 * 62.0 - 66.0 - 64.0),
+        "ground_moment_N_m": (-x_0 * 61.0 - 65.0 - 63.0, -x_1 * 62.0 - 66.0 - 64.0),
     }
     assert list(columns) == list(expected)
     for name, values in expected.items():
@@ -115,13 +128,14 @@ def test_a_load_moves_the_slider_along_its_guide_and_pushes_back_on_the_ground()
             "load.slider": {"force_N": -3.0, "viscous_N_s_m": 2.0},
         }
     )
-    columns = sample_columns(scene, replace(run(), contacts={}))
-    for sample, (at, v, (Bx, By), normal, rest) in enumerate(
+    columns = sample_columns(scene, replace(run(np.zeros((2, 2))), contacts={}))
+    for sample, (v, (Bx, By), normal, rest) in enumerate(
         [
-            ((7.0, 8.0), (27.0, 28.0), (45.0, 46.0), 61.0, 65.0 + 63.0),
-            ((16.0, 17.0), (36.0, 37.0), (51.0, 52.0), 62.0, 66.0 + 64.0),
+            ((27.0, 28.0), (45.0, 46.0), 61.0, 65.0 + 63.0),
+            ((36.0, 37.0), (51.0, 52.0), 62.0, 66.0 + 64.0),
         ]
     ):
+        at = position(np.zeros((2, 2)))[sample, 2]
         load = -3.0 - 2.0 * (0.8 * v[0] + 0.6 * v[1])
         along = (0.8 * Bx + 0.6 * By + load) / 0.14 - 0.6 * 9.81
         assert columns["slider_acceleration_m_s2"][sample] == pytest.approx(along)
