@@ -11,29 +11,21 @@ from numpy.typing import NDArray
 from reference_solver.energy import created_J, kinetic_J
 from reference_solver.equations import Equations
 from reference_solver.failures import InconsistentStart, NonFiniteState, SingularConfiguration
-from reference_solver.mechanism.mechanism import (
-    GROUND,
+from reference_solver.mechanism.constraints import PrescribedMotion, PrescribedSlide
+from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall
+from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Fluctuation, Guide, Pin, Spring
+from reference_solver.mechanism.loads import (
     AlongLine,
-    Body,
     ConstantForce,
     ForceByTime,
     GasForce,
     LineDamper,
     LineSpring,
     Load,
-    MasslessLink,
-    Mechanism,
-    PrescribedMotion,
-    PrescribedSlide,
-    PrescribedSpeed,
-    RevoluteJoint,
-    SameAngle,
-    Slot,
-    SpringDamper,
     Torque,
 )
-from reference_solver.mechanism.motions import Fluctuation
-from reference_solver.mechanism.tables import PiecewiseCubic
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.motions import PiecewiseCubic
 from reference_solver.solver import ErrorControl, StepChoice
 from tests.helpers.chains import chain, chain_start
 from tests.helpers.kernels import straight_guide
@@ -52,26 +44,24 @@ def rate(function: Callable[[float], FloatArray]) -> FloatArray:
 
 
 def test_rows_of_constraints_are_the_derivatives_of_their_gaps() -> None:
-    at, motion = 0.37, Fluctuation(0.4, 1.3, 5.0, 0.2)
+    at, motion, wall = 0.37, Fluctuation(0.4, 1.3, 5.0 / (2 * np.pi), 0.2), RigidWall(0.0)
     constraints = (
-        RevoluteJoint(1, (0.2, 0.3), 2, (-0.4, 0.1)),
-        Slot(*LINE),
-        Slot(GROUND, (0.4, 0.1), 2, (-0.1, 0.2), -1.1),
-        Slot(2, (0.0, 0.3), GROUND, (0.5, -0.6), 2.0),
-        SameAngle(0, 2),
-        SameAngle(GROUND, 1),
-        SameAngle(2, GROUND),
-        PrescribedSpeed(0, 4.0),
+        Pin(1, (0.2, 0.3), 2, (-0.4, 0.1)),
+        Guide(*LINE),
+        Guide(GROUND, (0.4, 0.1), 2, (-0.1, 0.2), -1.1),
+        Guide(2, (0.0, 0.3), GROUND, (0.5, -0.6), 2.0),
+        PrescribedMotion(0, ConstantSpeed(4.0)),
         PrescribedMotion(1, motion),
         PrescribedSlide(*LINE, motion),
         PrescribedSlide(*FIXED, motion),
         PrescribedSlide(1, (0.2, 0.1), GROUND, (1.0, 0.3), 0.2, motion),
-        MasslessLink(0, (0.05, -0.1), 1, (-0.3, 0.02), 0.5),
-        MasslessLink(GROUND, (0.5, 0.7), 2, (0.1, 0.0), 0.3),
+        ClearanceJoint(0, (0.05, -0.1), 1, (-0.3, 0.02), 0.5, 1.0, wall),
+        ClearanceJoint(GROUND, (0.5, 0.7), 2, (0.1, 0.0), 0.3, 1.0, wall),
     )
     q, v, start = np.linspace(-1.0, 1.4, 9), np.linspace(2.0, -1.5, 9), np.linspace(0.3, -0.2, 9)
     equations = Equations(Mechanism((Body(1.0, 1.0),) * 3, constraints), start)
-    assert not equations.violation(0.0, start)[5:13].any(), "angles and ways count from the start"
+    of_angles_and_ways = [3, 5, *range(7, 13)]
+    assert not equations.violation(0.0, start)[of_angles_and_ways].any(), "these count from the start"
     B, turned = equations.constraint_matrix(q), 0.4 * at + 1.3 / 5.0 * (np.cos(0.2) - np.cos(5.0 * at + 0.2))
     moved = equations.violation(at, q) - equations.violation(0.0, q)
     assert moved[8:] == pytest.approx([-4.0 * at, *[-turned] * 4, 0.0, 0.0])
@@ -140,7 +130,7 @@ def test_a_load_along_a_line_does_the_work_of_its_force_on_s(load: AlongLine) ->
 
 
 def test_loads_between_free_bodies_keep_momentum_and_the_ledger_closes() -> None:
-    spring = SpringDamper(0, (0.1, 0.0), 1, (0.0, 0.2), 30.0, 4.0, 0.5)
+    spring = Spring(0, (0.1, 0.0), 1, (0.0, 0.2), 30.0, 4.0, 0.5)
     mechanism = Mechanism(BODIES, (), (*along(LINE)[:4], ForceByTime(*LINE, TABLE), spring))
     found = run(mechanism, Q, V, 1.0, 500)
     masses, inertias = np.array([[body.mass_kg, body.inertia_kg_m2] for body in BODIES]).T
@@ -180,7 +170,7 @@ def test_a_force_by_time_is_exact_where_its_lines_are_since_steps_land_on_its_ki
 def oscillator(damping: float) -> tuple[Mechanism, FloatArray, FloatArray]:
     """Return a block of 2 kg on a guide at 30 degrees and a spring of 200 N/m and 0.4 m, and its start."""
     along = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
-    spring = SpringDamper(GROUND, (float(along[0]), float(along[1])), 0, (0.0, 0.0), 200.0, damping, 0.4)
+    spring = Spring(GROUND, (float(along[0]), float(along[1])), 0, (0.0, 0.0), 200.0, damping, 0.4)
     guide = straight_guide(0, (0.0, 0.0), np.pi / 6)
     return Mechanism((Body(2.0, 1.0),), guide, (spring,)), 0.65 * along, np.zeros(3)
 
@@ -195,7 +185,7 @@ def test_a_damped_block_converges_at_order_four_to_its_closed_form() -> None:
 
 
 def test_a_torque_on_a_pinned_wheel_gives_the_textbook_angle_exactly() -> None:
-    pin = RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0))
+    pin = Pin(GROUND, (0.0, 0.0), 0, (0.0, 0.0))
     wheel = Mechanism((Body(1.0, 0.5),), (pin,), (Torque(0, 2.0),))
     # RK4 integrates a quadratic exactly: only round-off is left.
     assert run(wheel, np.zeros(3), np.zeros(3), 1.0, 8, 1).q[-1, 2] == pytest.approx(2.0, abs=1e-14)
@@ -213,25 +203,23 @@ def test_starts_off_the_constraints_and_steps_that_blow_up_are_refused() -> None
     # omega h = 10 * 0.5 is past RK4's limit of 2.8284, so the state grows until it overflows.
     with pytest.raises(NonFiniteState, match=r"t = .* s with step 0\.5 s"):
         run(*oscillator(0.0), 500.0, StepChoice(0.5), 1)
-    far_too_stiff = SpringDamper(GROUND, (1.0, 0.3), 2, (0.1, 0.0), 1e12, 0.0, 0.1)
+    far_too_stiff = Spring(GROUND, (1.0, 0.3), 2, (0.1, 0.0), 1e12, 0.0, 0.1)
     with pytest.raises(NonFiniteState, match=r"t = 0\.00[1-9] s"):
         run(replace(SWING, loads=(far_too_stiff,)), *START, 1.0, 1000, 1)
 
 
 def test_a_dependence_is_told_by_the_names_of_the_joints_in_it() -> None:
-    pin, far = RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)), RevoluteJoint(0, (1.0, 0.0), 1, (0.0, 0.0))
-    drive = PrescribedSpeed(0, 1.0)
-    for constraints, names, rank, rows, joints in (
-        ((pin, far, pin), (), 4, 6, ("RevoluteJoint 0", "RevoluteJoint 2")),
-        ((pin, far, pin), ("O", "A", "O"), 4, 6, ("O",)),
-        ((pin, far, pin), ("O", "A", "P"), 4, 6, ("O", "P")),
-        ((pin, drive, drive), (), 3, 4, ("PrescribedSpeed 1", "PrescribedSpeed 2")),
+    ends, far = (GROUND, (0.0, 0.0), 0, (0.0, 0.0)), Pin(0, (1.0, 0.0), 1, (0.0, 0.0), "A")
+    drive = PrescribedMotion(0, ConstantSpeed(1.0))
+    for constraints, rank, rows, joints in (
+        ((Pin(*ends), far, Pin(*ends)), 4, 6, ("Pin 0", "Pin 2")),
+        ((Pin(*ends, "C"), far, Pin(*ends, "C")), 4, 6, ("C",)),
+        ((Pin(*ends, "O"), far, Pin(*ends, "P")), 4, 6, ("O", "P")),
+        ((Pin(*ends), drive, drive), 3, 4, ("drive",)),
     ):
         turning = np.array([0.0, 0.0, float(drive in constraints), 0.0, 0.0, 0.0])
         with pytest.raises(SingularConfiguration) as refusal:
-            run(
-                Mechanism(BODIES, constraints, names=names), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0], turning, 1.0, 143
-            )
+            run(Mechanism(BODIES, constraints), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0], turning, 1.0, 143)
         assert (refusal.value.rank, refusal.value.rows, refusal.value.joints) == (rank, rows, joints)
         told = f"the joints' rows have rank {rank} of {rows} at t = 0 s, those of {', '.join(joints)} depend"
         assert str(refusal.value).startswith(told)

@@ -21,8 +21,9 @@ from reference_solver.equations import Equations
 from reference_solver.factorisation import Factors, eliminated
 from reference_solver.kernel import Program, Topology, program_of
 from reference_solver.machine_code import HEAD, FunctionText, compile_text, known_numbers
-from reference_solver.mechanism.mechanism import Body, Mechanism
-from reference_solver.mechanism.tables import PiecewiseCubic
+from reference_solver.mechanism.data import Body
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.motions import PiecewiseCubic
 from reference_solver.tape import (
     Node,
     Tape,

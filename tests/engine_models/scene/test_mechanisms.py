@@ -66,8 +66,8 @@ def test_a_guide_is_a_line_of_what_it_is_on() -> None:
     through = 'on = "yoke", through_m = ["10 mm", 0]'
     text = changed(YOKE, ('on = "yoke"', through), ("1.5707963267948966", '"90 deg"'))
     frame, slot = from_toml(text).mechanism.guides
-    assert frame == Guide(GROUND, (0.0, 0.0), 0.0, 1, (0.0, 0.0), "frame", False)
-    assert slot == Guide(1, (0.01, 0.0), math.pi / 2, 0, (0.05 - 0.02, 0.0), "slot", True)
+    assert frame == Guide(GROUND, (0.0, 0.0), 1, (0.0, 0.0), 0.0, "frame", False)
+    assert slot == Guide(1, (0.01, 0.0), 0, (0.05 - 0.02, 0.0), math.pi / 2, "slot", True)
     assert from_toml(QUICK_RETURN).mechanism.guides[1].point_i == (0.0, 0.42)
 
 
