@@ -119,7 +119,7 @@ def test_a_load_along_a_line_does_the_work_of_its_force_on_s(load: AlongLine) ->
         ForceByTime: cubic(NOW),
     }
     expected = forces[type(load)] * row
-    equations = Equations(Mechanism(BODIES, (), (load,)), Q)  # type: ignore[arg-type]
+    equations = Equations(Mechanism(BODIES, (), (load,)), Q)
     assert np.abs(equations.applied_force(NOW, Q, V) - expected).max() < 10 * DIFFERENCE
     if isinstance(load, ConstantForce | LineSpring):
         assert np.abs(equations.stored_force(Q) - expected).max() < 10 * DIFFERENCE
