@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from reference_solver.energy import ledger_J
+from reference_solver.energy import Guard, ledger_J
 from reference_solver.failures import EnergyNotConserved, SingularConfiguration
-from reference_solver.guard import Guard
 from reference_solver.mechanism.scales import Scales
 from reference_solver.solver import StepChoice
 from tests.helpers.kernels import CASES
