@@ -14,10 +14,9 @@ from engine_models.minimal.model import Numbers, damping_of
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import ConstantSpeed, DriveData
 
-#: Positions that are closed at a time, which bounds the memory; steps at the most, and turns in a step.
-AT_ONCE, MOST_STEPS, TURN_RAD = 4096, 12, 0.5
-#: A step no longer than this, in m and rad, is the last one: what it leaves is of the order of its square.
-SHORT = 1e-9
+#: Steps at the most, and turns in a step; one no longer than this, in m and rad, is the last: what it leaves
+#: is of the order of its square.
+MOST_STEPS, TURN_RAD, SHORT = 12, 0.5, 1e-9
 #: Rows with a least singular value below this, of the largest, may depend on each other once joints with
 #: clearance are closed. Singular values below its tenth are then 0.
 DEPENDENT = 1e-2
@@ -31,27 +30,22 @@ def closed(scene: Scene, position: FloatArray, turning: int | None) -> FloatArra
     """
     pins = tuple(replace(pin, clearance=None, bearing_on_j=False) for pin in scene.mechanism.pins)
     drive = DriveData(0) if turning is None else DriveData(turning, law=ConstantSpeed(0.0))
-    q = position.reshape(len(position), -1)
+    begun = position.reshape(len(position), -1)
     of = replace(scene.mechanism, pins=pins, drive=drive, loads=(), springs=())
-    numbers = Numbers(of, q[0].copy(), damping_of)
+    numbers = Numbers(of, begun[0].copy(), damping_of)
     weights = 1 / numbers.masses.ravel()
-    first = numbers.look(0.0, q[0])[0] * np.sqrt(weights)
+    first = numbers.look(0.0, begun[0])[0] * np.sqrt(weights)
     values = np.linalg.svd(first / np.linalg.norm(first, axis=1, keepdims=True), compute_uv=False)
-    dependent = bool(values[-1] < DEPENDENT * values[0])
-    found = np.full(q.shape, np.nan)
-    for begin in range(0, len(q), AT_ONCE):
-        begun = q[begin : begin + AT_ONCE]
-        at, step = begun, np.full(len(begun), np.inf)
-        for _ in range(MOST_STEPS):
-            B, open_by, *_ = numbers.look(0.0, at)
-            if turning is not None:  # its row, the last, is from the angle in the first position
-                open_by[:, -1] -= begun[:, 3 * turning + 2] - q[0, 3 * turning + 2]
-            weighted = weights * B @ B.swapaxes(1, 2)
-            force = solve_systems(weighted, open_by[..., None], dependent, (DEPENDENT / 10) ** 2)
-            move = weights * np.einsum("nmk,nm->nk", B, force)
-            step, turn = np.abs(move).max(axis=1), np.abs(move[:, 2::3]).max(axis=1)
-            at = at - move * np.minimum(1.0, TURN_RAD / np.maximum(turn, TURN_RAD))[:, None]
-            if not (step > SHORT).any():
-                break
-        found[begin : begin + AT_ONCE] = np.where((step <= SHORT)[:, None], at, np.nan)
-    return found.reshape(position.shape)
+    dependent, at, step = bool(values[-1] < DEPENDENT * values[0]), begun, np.full(len(begun), np.inf)
+    for _ in range(MOST_STEPS):
+        B, open_by, *_ = numbers.look(0.0, at)
+        if turning is not None:  # its row, the last, is from the angle in the first position
+            open_by[:, -1] -= begun[:, 3 * turning + 2] - begun[0, 3 * turning + 2]
+        weighted = weights * B @ B.swapaxes(1, 2)
+        force = solve_systems(weighted, open_by[..., None], dependent, (DEPENDENT / 10) ** 2)
+        move = weights * np.einsum("nmk,nm->nk", B, force)
+        step, turn = np.abs(move).max(axis=1), np.abs(move[:, 2::3]).max(axis=1)
+        at = at - move * np.minimum(1.0, TURN_RAD / np.maximum(turn, TURN_RAD))[:, None]
+        if not (step > SHORT).any():
+            break
+    return np.where((step <= SHORT)[:, None], at, np.nan).reshape(position.shape)

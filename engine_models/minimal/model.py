@@ -93,14 +93,17 @@ def curve_of(table: data.Table) -> PPoly:
 
 @dataclass(frozen=True)
 class Kinks:
-    """Where the pieces of a curve over a coordinate of y begin, (n,), and its period or 0."""
+    """Where the pieces of a curve over a coordinate of y begin, (n,), and its period or 0.
+
+    Without a period there is one more on either side.
+    """
 
     coordinate: int
     begins: FloatArray
     period: float
 
     def piece(self, y: FloatArray) -> int:
-        """Return the piece that a state is in, counted on from period to period; -1 is before the first."""
+        """Return the piece that a state is in, counted on from period to period."""
         x = float(y[self.coordinate])
         turns = math.floor((x - self.begins[0]) / self.period) if self.period else 0
         place = int(np.searchsorted(self.begins, x - turns * self.period, "right")) - 1
@@ -253,7 +256,7 @@ class Numbers:
 
     def _over(self, coordinate: int, table: data.Table, held: bool = False) -> float:
         """Return the number of the curve of a table over a coordinate of y, with its kinks there."""
-        begins = np.array(table.x[:-1] if table.period else table.x)
+        begins = np.array(table.x[:-1] if table.period else [-np.inf, *table.x, np.inf])
         self.kinks.append(Kinks(coordinate, begins, table.period))
         return self._curve(table, held)
 
