@@ -49,7 +49,7 @@ def compare_engines(
         standings = Standings.of(results.rows)
         _require_a_run(standings)
         chosen = standings.chosen
-        run = _shown(wanted[str(standings.rows["case"][chosen.Index])], pool) if chosen else None
+        run = _shown(wanted[str(standings.recorded["case"][chosen.Index])], pool) if chosen else None
     return Comparison(scene, results, run, given)
 
 

@@ -10,17 +10,17 @@ import pandas as pd
 from reports.accuracy_ideal import nearest
 from reports.equal_error import from_coarse_to_fine
 from reports.lines import MOST_LINES, Line, Panel, against, draw, points, shown_labels
-from reports.look import axis_label, line_styles, number, words
-from reports.page import UNCERTAIN, Chapter, Claim, Figure, Table
+from reports.look import axis_label, line_styles, number
+from reports.page import Chapter, Figure, Table
 from reports.results import (
     LOOSE,
     PEAK,
     RIGID,
+    SLIDER,
     Results,
     Studies,
     accuracy,
     finished,
-    motion_error,
     uncertainty,
     value,
     with_columns,
@@ -33,14 +33,14 @@ INTRODUCTION = (
 )
 #: The largest error of an impact's time, and of its impulse in percent of the largest impulse.
 TIME, IMPULSE = "impact_time_error_s", "impulse_error_percent"
-#: The impacts of a run with a partner and without one, and those of the reference solution without one.
-MATCHED, UNMATCHED, MISSED = COUNTS = ["impacts_matched", "impacts_unmatched", "impacts_missed"]
+#: The impacts of a run with a partner, those of the reference solution without one, and those of the run.
+MATCHED, MISSED, UNMATCHED = COUNTS = ["impacts_matched", "impacts_missed", "impacts_unmatched"]
 #: The reference solution's line in the figure of an impact, and the samples shown before and after contact.
 TRUE_LINE: dict[str, Any] = {"color": "#B9B9B9", "linewidth": 3.2, "zorder": 1.5}
 MARGIN = 24
 
 
-def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
+def parts(studies: Studies) -> Iterator[Figure | Table | None]:
     """Yield one impact from near, errors against the mean step, and what of impacts and models is off."""
     if studies["accuracy"].has_curves:
         yield first_impact(studies["accuracy"])
@@ -49,11 +49,10 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
         return
     rows = with_columns(rows, TIME, "impact_impulse_relative_error", *COUNTS)
     rows[IMPULSE] = 100 * rows["impact_impulse_relative_error"]
-    motion = motion_error(rows)
-    yield _impacts_found(finest(rows))
+    finest = finished(from_coarse_to_fine(rows)).drop_duplicates(["scene", "label"], keep="last")
     best = rows[rows["joints"] == LOOSE]
-    best = best[best["label"].isin(nearest(best, motion)["label"])]
-    by_signal = [against(best, column) for column in (motion, PEAK, IMPULSE)]
+    best = best[best["label"].isin(nearest(best, SLIDER)["label"])]
+    by_signal = [against(best, column) for column in (SLIDER, PEAK, IMPULSE)]
     panels = [*chain(*by_signal)]
     caption = (
         "Configurations that are an engine's best on a scene. Grey lines: order at the left end; grey "
@@ -63,15 +62,8 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     if panels:
         drawing = draw(panels, 2.2, min(3, max(map(len, by_signal))))
         yield Figure("clearance-steps", title, caption, "accuracy", drawing, points(panels))
-    yield impacts_by_configuration(finest(rows))
-    yield _models(rows, motion)
-    yield smallest_errors(rows, motion)
-
-
-def finest(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return of each configuration on each scene the finest run that finished."""
-    scenes = [from_coarse_to_fine(of_scene) for _, of_scene in rows.groupby("scene")]
-    return finished(pd.concat(scenes)).drop_duplicates(["scene", "label"], keep="last").sort_index()
+    yield impacts_by_configuration(finest)
+    yield _models(rows)
 
 
 def first_impact(results: Results) -> Figure | None:
@@ -110,71 +102,36 @@ def first_impact(results: Results) -> Figure | None:
     return Figure("clearance-impact", title, caption, "accuracy", draw(panels), points(panels))
 
 
-def _impacts_found(runs: pd.DataFrame) -> Claim | None:
-    """Return how many impacts each engine's finest run with compliant contact finds."""
-    counts = runs[runs["joints"] == LOOSE].groupby("label", observed=True)[COUNTS].sum()
-    if counts.empty:
-        return None
-    counts = counts.assign(every=counts[MATCHED] + counts[MISSED]).astype(int)
-    found = ", ".join(f"{of.Index} {of.impacts_matched} of {of.every}" for of in counts.itertuples())
-    numbers = {"impacts": (float(counts["every"].max()), "")}
-    return Claim("impacts-found", f"Impacts found at the finest setting: {found}.", numbers)
-
-
 def impacts_by_configuration(runs: pd.DataFrame) -> Table:
     """Return the impacts found and their largest errors over all scenes."""
     of_label = runs.groupby(["joints", "label"], observed=True)
     table = of_label[COUNTS].sum().join(of_label[[TIME, PEAK, IMPULSE]].max()).reset_index()
-    headings = {"label": "configuration", MATCHED: "impacts found", MISSED: "missed", UNMATCHED: "unmatched"}
+    headings = {"label": "configuration", "joints": "joints", MATCHED: "impacts found", MISSED: "missed"}
+    headings |= {UNMATCHED: "unmatched"}
     headings |= {name: axis_label(name).replace(" error", "") for name in (TIME, PEAK, IMPULSE)}
-    names = ["configuration", "joints", "impacts found", "missed", *[*headings.values()][3:]]
-    table = table.rename(columns=headings)[names]
     title = "Errors of impacts, largest over all scenes"
     caption = (
         "Each configuration's finest run against the reference solution; unmatched are impacts that it does "
         "not have. A missed impact counts as 100 % in the peak force; rigid contact has no peak force."
     )
-    whole: dict[str, Any] = dict.fromkeys(("impacts found", "missed", "unmatched"), "{:.0f}".format)
-    formats = whole | {headings[TIME]: number}
+    formats: dict[str, Any] = {headings[name]: "{:.0f}".format for name in COUNTS} | {headings[TIME]: number}
+    table = table[[*headings]].rename(columns=headings)
     return Table("clearance-impacts", title, caption, "accuracy", table, formats)
 
 
-def _models(rows: pd.DataFrame, motion: str) -> Table | None:
-    """Return model form beside numerical error of each engine that solves another law; None if none does."""
-    rows = rows.assign(form=value(rows, motion.replace("_error_", "_model_difference_")))
-    rows = rows[rows["form"] > uncertainty(rows, motion)]
+def _models(rows: pd.DataFrame) -> Table:
+    """Return model form beside numerical error of each engine that solves another law."""
+    rows = rows.assign(form=value(rows, SLIDER.replace("_error_", "_model_difference_")))
+    rows = rows[rows["form"] > uncertainty(rows, SLIDER)]
     furthest = rows.sort_values("form").drop_duplicates("engine", keep="last")
-    best = nearest(rows, motion).set_index("engine")
-    unit = words(motion)[1]
-    table = pd.DataFrame(
-        {
-            "engine": furthest["engine"],
-            "scene": furthest["scene"],
-            f"model form [{unit}]": furthest["form"],
-            f"numerical error [{unit}]": furthest["engine"].map(best["error"].groupby(level=0).max()),
-        }
-    )
+    numerical = nearest(rows, SLIDER).groupby("engine")["error"].max()
+    table = furthest.assign(error=furthest["engine"].map(numerical))[["engine", "scene", "form", "error"]]
     title = "Model form and numerical error of engines with contact laws of their own"
     caption = (
         "The largest difference of the engine's own model from the scene's law, and its best run's error."
     )
+    table = table.rename(columns={"form": "model form [m]", "error": "numerical error [m]"})
     return Table("clearance-models", title, caption, "accuracy", table)
-
-
-def smallest_errors(rows: pd.DataFrame, motion: str) -> Table:
-    """Return each configuration's smallest errors on each scene, and until when they are such."""
-    lines = []
-    for (scene, label), of in rows.groupby(["scene", "label"], observed=True):
-        line: dict[str, Any] = {"scene": scene, "configuration": label}
-        line["compared until [s]"] = value(of, "compared_until_s").max()
-        for column in (motion, PEAK, "impact_force_error_N"):
-            errors, heading = value(of, column).dropna(), axis_label(column).replace(" error", "")
-            least = errors.idxmin() if len(errors) else None
-            line[heading] = np.nan if least is None else errors[least]
-            line[f"{heading}{UNCERTAIN}"] = np.nan if least is None else uncertainty(of, column)[least]
-        lines.append(line)
-    title = "Smallest errors by scene"
-    return Table("clearance-errors", title, "", "accuracy", pd.DataFrame(lines), shown=False)
 
 
 CHAPTER = Chapter("accuracy-clearance", "Accuracy with clearance", ("accuracy",), INTRODUCTION, parts)

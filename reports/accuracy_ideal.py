@@ -13,10 +13,10 @@ from reports.page import UNCERTAIN, Chapter, Claim, Figure, Table
 from reports.results import (
     FORCE,
     IDEAL,
+    SLIDER,
     Studies,
     accuracy,
     finished,
-    motion_error,
     signal_errors,
     tolerances,
     uncertainty,
@@ -25,10 +25,8 @@ from reports.results import (
 )
 from studies.judges.convergence import RULE, observed_order
 
-#: The engine that integrates with RK4 where a row sets no other method, and the order of RK4.
-REFERENCE, RK4_ORDER = "reference", 4
-#: The order that theory gives each of Pymunk's configurations.
-PYMUNK_ORDERS = {"pymunk (out of the box)": 1, "pymunk (tuned)": 2}
+#: The order that theory gives each of Pymunk's configurations, and RK4.
+PYMUNK_ORDERS, RK4_ORDER = {"pymunk (out of the box)": 1, "pymunk (tuned)": 2}, 4
 INTRODUCTION = (
     "Every engine runs scenes without clearance at a series of steps or tolerances. Errors are the largest "
     "over time, against reference solutions that share no code with any engine."
@@ -41,16 +39,13 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     if rows.empty:
         return
     rows = rows.assign(tolerance=tolerances(rows))
-    steps, position = rows[rows["tolerance"].isna()], motion_error(rows)
-    yield from _rk4_order(steps, position)
-    yield from _pymunk_orders(steps, position)
-    shown = position, FORCE
-    title = "How does the error fall with the step?"
+    steps, chosen = rows[rows["tolerance"].isna()], rows[rows["tolerance"].notna()]
+    yield from _orders_of_theory(steps)
     caption = "Grey lines: order at the left end; grey areas: uncertainty of the reference solution."
-    yield _figure("accuracy-steps", title, caption, [against(steps, column) for column in shown])
-    chosen = rows[rows["tolerance"].notna()]
+    by_step = [against(steps, column) for column in (SLIDER, FORCE)]
+    yield _figure("accuracy-steps", "How does the error fall with the step?", caption, by_step)
     title, caption = "How does the error fall with the tolerance?", "On the grey line it is in proportion."
-    by_tolerance = [against(chosen, column, "tolerance", (1,)) for column in shown]
+    by_tolerance = [against(chosen, column, "tolerance", (1,)) for column in (SLIDER, FORCE)]
     yield _figure("accuracy-tolerances", title, caption, by_tolerance)
     yield _orders_by_configuration(steps)
     yield errors_by_engine(rows)
@@ -58,19 +53,18 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
 
 def _figure(name: str, title: str, caption: str, by_signal: list[list[Panel]]) -> Figure | None:
     """Return the figure of the panels of some signals; of few scenes each signal has a row of its own."""
-    panels = [*chain(*by_signal)]
-    across = max(map(len, by_signal))
-    drawing = draw(panels, 2.4, across if across <= 3 else None) if panels else None
-    return Figure(name, title, caption, "accuracy", drawing, points(panels)) if drawing else None
+    panels, across = [*chain(*by_signal)], max(map(len, by_signal))
+    if not panels:
+        return None
+    drawing = draw(panels, 2.4, across if across <= 3 else None)
+    return Figure(name, title, caption, "accuracy", drawing, points(panels))
 
 
 def orders(rows: pd.DataFrame, column: str) -> pd.DataFrame:
     """Return a column's orders by ``label`` and ``scene``: a ``slope``, NaN where ``verdict`` says why."""
-    name = column.replace("_error_", "_scale_")
-    rows = rows.assign(error=value(rows, column), doubt=uncertainty(rows, column))
-    rows = rows.assign(scale=with_columns(rows, name)[name]).dropna(subset=["label", "scene"])
-    ends = rows.groupby("scene").agg(floor=("doubt", "max"), scale=("scale", "max"))
-    ends = ends.fillna({"floor": 0.0, "scale": np.inf})
+    scale = column.replace("_error_", "_scale_")
+    rows = with_columns(rows, scale).assign(error=value(rows, column), doubt=uncertainty(rows, column))
+    ends = rows.groupby("scene")[["doubt", scale]].max().fillna({"doubt": 0.0, scale: np.inf})
     lines = []
     for (label, scene), of in rows.dropna(subset="error").groupby(["label", "scene"], observed=True):
         order = observed_order(of["mean_step_s"], of["error"], *ends.loc[scene])
@@ -78,29 +72,22 @@ def orders(rows: pd.DataFrame, column: str) -> pd.DataFrame:
     return pd.DataFrame(lines, columns=["label", "scene", "slope", "verdict"]).astype({"slope": float})
 
 
-def _rk4_order(rows: pd.DataFrame, position: str) -> Iterator[Claim]:
-    """Yield the observed orders of the reference engine's RK4, which are 4."""
-    methods = with_columns(rows, "setting_method")["setting_method"]
-    rk4 = rows[(rows["engine"] == REFERENCE) & methods.isna()]
-    slopes = {column: orders(rk4, column)["slope"].dropna() for column in (position, FORCE)}
-    told = [
-        f"{span(of)} in {words(column)[0].replace(' error', '')}" for column, of in slopes.items() if len(of)
-    ]
-    if told:
-        every = pd.concat(slopes.values())
-        numbers = {"least": (every.min(), ""), "most": (every.max(), "")}
-        text = f"Observed order of the reference engine (RK4): {listed(told)}."
-        yield Claim("rk4-order", text, numbers, bool((every.round() == RK4_ORDER).all()))
-
-
-def _pymunk_orders(rows: pd.DataFrame, position: str) -> Iterator[Claim]:
-    """Yield the observed orders of Pymunk's configurations, which theory gives."""
+def _orders_of_theory(steps: pd.DataFrame) -> Iterator[Claim]:
+    """Yield the observed orders of methods whose order theory gives: RK4 of the reference, and Pymunk's."""
+    methods = with_columns(steps, "setting_method")["setting_method"]
+    rk4 = steps[(steps["engine"] == "reference") & methods.isna()]
+    claims: list[tuple[str, str, pd.DataFrame, tuple[str, ...], int]] = []
+    claims.append(("rk4-order", "the reference engine (RK4)", rk4, (SLIDER, FORCE), RK4_ORDER))
     for label, order in PYMUNK_ORDERS.items():
-        slopes = orders(rows[rows["label"] == label], position)["slope"].dropna()
-        if len(slopes):
-            numbers = {"least": (slopes.min(), ""), "most": (slopes.max(), ""), "order": (order, "")}
-            text = f"{label} is of order {{order}} in slider position (observed {span(slopes)})."
-            yield Claim(f"order of {label}", text, numbers, bool((slopes.round() == order).all()))
+        claims.append((f"order of {label}", label, steps[steps["label"] == label], (SLIDER,), order))
+    for name, who, rows, columns, order in claims:
+        slopes = {words(column)[0].replace(" error", ""): orders(rows, column)["slope"] for column in columns}
+        every = pd.concat(slopes.values()).dropna()
+        if len(every):
+            told = listed(f"{span(of)} in {what}" for what, of in slopes.items() if of.notna().any())
+            numbers = {"least": (every.min(), ""), "most": (every.max(), ""), "order": (order, "")}
+            text = f"Observed order of {who}: {told}; theory: {{order}}."
+            yield Claim(name, text, numbers, bool((every.round() == order).all()))
 
 
 def _shown_errors(rows: pd.DataFrame) -> list[str]:

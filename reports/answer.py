@@ -8,78 +8,84 @@ from typing import Any
 import pandas as pd
 
 from reports.beside import comparison
-from reports.cost import cost_panel, prepared
+from reports.cost import by_target, cost_panel, prepared
 from reports.energy import KEPT, at_middle, energy_parts
-from reports.equal_error import ALONE, ByScene, Ratio, candidates, mark, ratio, settings_by_scene
+from reports.equal_error import ALONE, Ratio, candidates, mark, ratio
 from reports.lines import draw, points
 from reports.look import command, span
 from reports.page import MOST, Chapter, Claim, Figure, Part, Table, Text
-from reports.predictability import horizon_turns
+from reports.predictability import horizon, horizons
 from reports.results import FORCE, IDEAL, LOOSE, PEAK, RIGID, SLIDER, Studies
 
-#: What a user needs: in words, the class of scenes, the column of errors, and the largest error.
+#: What a user needs: in words, the class of scenes, and the column of errors that is within its target.
 NEEDS = (
-    ("motion within 1 µm", IDEAL, SLIDER, 1e-6),
-    ("motion within 1 µm", LOOSE, SLIDER, 1e-6),
-    ("peak force of every impact within 1 %", LOOSE, PEAK, 1.0),
-    ("forces within 1 N at all times", LOOSE, FORCE, 1.0),
-    ("motion within 1 µm", RIGID, SLIDER, 1e-6),
+    ("motion within 1 µm", IDEAL, SLIDER),
+    ("motion within 1 µm", LOOSE, SLIDER),
+    ("peak force of every impact within 1 %", LOOSE, PEAK),
+    ("forces within 1 N at all times", LOOSE, FORCE),
+    ("motion within 1 µm", RIGID, SLIDER),
 )
 TIME = "time for 1 s of motion [ms]"
-#: The error that the figure asks for, in m, and how many scenes it has.
-TARGET_M, SCENES = 1e-6, 2
+#: The number of scenes in the figure.
+SCENES = 2
 
 
 def parts(studies: Studies) -> Iterator[Part | None]:
     """Yield the recommendation, the comparison, a figure, and the limits of all that is said."""
-    rows = prepared(studies)
-    lines = [*_needs(rows), *(_energy(studies, rows) if "energy" in studies else ())]
+    ran = by_target(prepared(studies))
+    energy = studies["energy"].rows if "energy" in studies else None
+    lines = [
+        _need(ran[(ran["joints"] == joints) & (ran["column"] == column)], need)
+        for need, joints, column in NEEDS
+    ]
+    lines = [line for line in lines if line] + ([] if energy is None else [*_energy(energy, ran)])
     caption = (
         "The fastest setting that reaches the error on all scenes of its kind, or on most; (2x): twice the "
         f"run time of the one to use. Times are without start-up and compiling. {ALONE}"
     )
     yield Table("answer", "Recommended solver and setting", caption, "cost", pd.DataFrame(lines))
-    yield from comparison(rows, studies["energy"].rows if "energy" in studies else None)
+    yield from comparison(ran, energy)
     link = '<a href="#table-configurations">What the names of configurations mean</a>'
     yield Text(f'<p class="source">{link}</p>')
-    yield _figure(rows)
+    yield _figure(ran[ran["column"] == SLIDER])
     yield from _limits(studies)
 
 
-def _needs(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    """Yield what to use for each error on each class of scenes that has rows, and what is next best."""
-    for need, joints, column, target in NEEDS:
-        ran = settings_by_scene(rows[rows["joints"] == joints], column)
-        if not ran:
-            continue
-        line: dict[str, Any] = {"you need": f"{need}, {joints}", "use": "no setting that was run"}
-        if ranked := candidates(ran, target):
-            best, *others = ranked
-            level = [other for other in others if _is_level(other, best)]
-            others = [other for other in others if not _is_level(other, best)]
-            ms, row = 1e3 * (best["time_s"] / best["end_time_s"]), rows.loc[best.index[0]]
-            next_best = [_slower(other, best, column, ran) for other in others[:1]]
-            faster = [
-                each for each in others[1:] if any(of.decided and of.times < 1 for of in _behind(each, best))
-            ]
-            next_best += [f"faster where it runs: {_slower(each, best, column, ran)}" for each in faster]
-            uses = [f"{_name(each, ran)}{mark(each.iloc[0], column)}" for each in (best, *level)]
-            line |= {
-                "use": " or ".join(uses),
-                "command": _command(row),
-                TIME: ms.min(),
-                f"{TIME}{MOST}": ms.max(),
-            }
-            line |= {"next best": "; ".join(next_best) or "no other engine"}
-        yield line
+def _need(ran: pd.DataFrame, need: str) -> dict[str, Any]:
+    """Return what to use for an error on a class of scenes, and what is next best; nothing without rows."""
+    if ran.empty:
+        return {}
+    line: dict[str, Any] = {"you need": f"{need}, {ran['joints'].iloc[0]}", "use": "no setting that was run"}
+    best, *others = candidates(ran) or [ran.head(0)]
+    if best.empty:
+        return line
+    level = [other for other in others if _is_level(other, best)]
+    others = [other for other in others if not _is_level(other, best)]
+    faster = [each for each in others[1:] if any(of.decided and of.times < 1 for of in _behind(each, best))]
+    next_best = [_slower(other, best, ran) for other in others[:1]]
+    next_best += [f"faster where it runs: {_slower(each, best, ran)}" for each in faster]
+    uses = [f"{_name(each, ran)}{_mark(each)}" for each in (best, *level)]
+    ms = 1e3 * (best["time_s"] / best["end_time_s"])
+    return line | {
+        "use": " or ".join(uses),
+        "command": _command(best.iloc[0]),
+        TIME: ms.min(),
+        f"{TIME}{MOST}": ms.max(),
+        "next best": "; ".join(next_best) or "no other engine",
+    }
 
 
 def _command(row: pd.Series) -> str:
     return command(row, f"{quote(row['scene'])} --end {row['end_time_s']:.6g}")
 
 
-def _name(each: pd.DataFrame, ran: ByScene) -> str:
-    on = "" if len(each) == len(ran) else f" ({len(each)} of {len(ran)} scenes)"
+def _mark(each: pd.DataFrame) -> str:
+    return mark(each.iloc[0], each["column"].iloc[0])
+
+
+def _name(each: pd.DataFrame, ran: pd.DataFrame) -> str:
+    scenes = ran["scene"].nunique()
+    on = "" if len(each) == scenes else f" ({len(each)} of {scenes} scenes)"
     return f"{each['label'].iloc[0]}, {each['setting'].iloc[0]}{on}"
 
 
@@ -95,24 +101,20 @@ def _is_level(other: pd.DataFrame, best: pd.DataFrame) -> bool:
     return len(other) == len(best) and bool(ratios) and not any(of.decided for of in ratios)
 
 
-def _slower(other: pd.DataFrame, best: pd.DataFrame, column: str, ran: ByScene) -> str:
-    times = span(of.times for of in _behind(other, best))
-    return f"{_name(other, ran)} ({times}x){mark(other.iloc[0], column)}"
+def _slower(other: pd.DataFrame, best: pd.DataFrame, ran: pd.DataFrame) -> str:
+    return f"{_name(other, ran)} ({span(of.times for of in _behind(other, best))}x){_mark(other)}"
 
 
-def _energy(studies: Studies, rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
+def _energy(energy: pd.DataFrame, ran: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """Yield the line on energy over long runs: of configurations that keep it on most scenes the fastest."""
-    ran = at_middle(studies["energy"].rows)
-    keep = energy_parts(ran).query("part <= @KEPT").sort_values("scenes", ascending=False, kind="stable")
+    middle = at_middle(energy)
+    keep = energy_parts(middle).query("part <= @KEPT").sort_values("scenes", ascending=False, kind="stable")
     if keep.empty:
         return
-    timed = settings_by_scene(rows, SLIDER)
-    longest = {label: ran[ran["label"] == label].sort_values("turns").iloc[-1] for label in keep.index}
-    ms = {label: _ms_per_s(timed, row) for label, row in longest.items()}
+    longest = {label: middle[middle["label"] == label].sort_values("turns").iloc[-1] for label in keep.index}
+    ms = pd.DataFrame({label: _ms_per_s(ran, row) for label, row in longest.items()})
     most = keep.index[keep["scenes"] == keep["scenes"].max()]
-    common = set.intersection(*[{*ms[label]} for label in most if ms[label]] or [set[str]()])
-    place = {label: max((ms[label].get(of, math.inf) for of in common), default=math.inf) for label in most}
-    best = min(most, key=lambda label: place[label])
+    best = ms[most].dropna(axis=1, how="all").dropna().max().reindex(most).fillna(math.inf).idxmin()
     others = keep[keep["solver"] != keep["solver"][best]]
     told = keep.index + ", " + keep["setting"] + keep["on"]
     turns = span(keep.loc[best, ["fewest_turns", "most_turns"]], ".0f")
@@ -120,34 +122,28 @@ def _energy(studies: Studies, rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
         "you need": f"energy balance within {100 * KEPT:g} % over {turns} revolutions",
         "use": told[best],
         "command": _command(longest[best]),
-        TIME: min(ms[best].values(), default=math.nan),
-        f"{TIME}{MOST}": max(ms[best].values(), default=math.nan),
+        TIME: ms[best].min(),
+        f"{TIME}{MOST}": ms[best].max(),
         "next best": told[others.index[0]] if len(others) else "no other engine",
     }
 
 
-def _ms_per_s(by_scene: ByScene, like: pd.Series) -> dict[str, float]:
+def _ms_per_s(ran: pd.DataFrame, like: pd.Series) -> "pd.Series[float]":
     """Return by scene a configuration's run time for 1 s of motion in ms, at no coarser a setting."""
-    times: dict[str, float] = {}
-    for scene, (ran, _) in by_scene.items():
-        own = ran[(ran["label"] == like["label"]) & (ran["value"] <= like["value"] * (1 + 1e-9))]
-        if len(own):
-            times[scene] = float((1e3 * own["time_s"] / own["end_time_s"]).iloc[0])
-    return times
+    at_least = ran["value"] <= like["value"] * (1 + 1e-9)
+    own = ran[(ran["column"] == SLIDER) & (ran["label"] == like["label"]) & at_least].drop_duplicates("scene")
+    return (1e3 * own["time_s"] / own["end_time_s"]).set_axis(own["scene"])
 
 
-def _figure(rows: pd.DataFrame) -> Figure | None:
+def _figure(ran: pd.DataFrame) -> Figure | None:
     """Return each engine's error over run time on two scenes, the fastest within the target ringed."""
-    by_joints = [
-        settings_by_scene(rows[rows["joints"] == joints], SLIDER) for joints in (LOOSE, IDEAL, RIGID)
-    ]
-    ran = next((of_class for of_class in by_joints if of_class), {})
-    reached = {scene: of["engine"][of["kept"] <= TARGET_M].nunique() for scene, (of, _) in ran.items()}
+    ran = next((ran[ran["joints"] == of] for of in (LOOSE, IDEAL, RIGID) if (ran["joints"] == of).any()), ran)
+    reached = ran["engine"].where(ran["reached"]).groupby(ran["scene"]).nunique()
     panels = []
-    for scene in sorted(ran, key=lambda scene: (-reached[scene], scene))[:SCENES]:
-        of, known = ran[scene]
-        best = of[of["kept"] <= TARGET_M].sort_values("time_s").head(1)
-        panels.append(cost_panel(scene, of, known, SLIDER, [*zip(best["time_s"], best["kept"], strict=True)]))
+    for scene in reached.sort_values(ascending=False, kind="stable").index[:SCENES]:
+        of = ran[ran["scene"] == scene]
+        best = of[of["reached"]].sort_values("time_s").head(1)
+        panels.append(cost_panel(of, [*zip(best["time_s"], best["kept"], strict=True)]))
     title = "Which engine reaches which error in what run time, with clearance?"
     caption = (
         "A line is an engine at its best settings; points without a line are not ranked. Dashed: the error "
@@ -158,14 +154,8 @@ def _figure(rows: pd.DataFrame) -> Figure | None:
 
 def _limits(studies: Studies) -> Iterator[Claim]:
     """Yield the limits of all that is said: the horizon, what is not modelled, what timings rest on."""
-    if "predictability" in studies and (turns := horizon_turns(studies["predictability"].rows)):
-        scene, least = next(iter(turns.items()))
-        moved = float(studies["predictability"].rows["perturbation_rad"].dropna().iloc[0])
-        text = (
-            f"Predictability: on {scene} a {{moved}} change of the initial crank angle grows to 100 µm in "
-            "{turns} revolutions (median); beyond that compare statistics only."
-        )
-        yield Claim("horizon", text, {"moved": (moved, "rad"), "turns": (least, "")})
+    if "predictability" in studies and len(horizons(studies["predictability"].rows)):
+        yield horizon(studies["predictability"].rows)
     text = "reference solutions solve each engine's own model; flexibility, lubrication and wear are outside"
     yield Claim("model", f"Model: {text} the scope.")
     machine = studies["cost"].facts.get("machine", {}).get("processor") or "not on record"

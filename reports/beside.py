@@ -7,37 +7,60 @@ import numpy as np
 import pandas as pd
 
 from reports.energy import UNACCOUNTED, at_middle
-from reports.equal_error import ALONE, settings_by_scene
+from reports.equal_error import ALONE, reaching
 from reports.look import legend_place, span
 from reports.page import MOST, Claim, Table
 from reports.results import FORCE, IDEAL, LOOSE, PEAK, RIGID, SLIDER, finished
 
 #: The paper's RK4 by the class of scenes: its run time within the error is the one that others are told in.
 PAPERS = {IDEAL: "reference (projection)", LOOSE: "reference (located)"}
-#: How many times as long as that a setting may take to be compared, and the error that the time is for.
-BUDGET, TARGET_M = 10.0, 1e-6
-#: The numbers of an engine beside the paper's method, by the headings of their columns.
-POSITION, ENERGY = "slider position error [µm]", "energy drift [% of the energy in play]"
-RUN_TIME, REACHED = "run time", "run time within 1 µm"
+#: How many times as long as that a setting may take to be compared.
+BUDGET = 10.0
+#: Headings of columns: those of errors with the column that is shown, by class.
 FORCES = {IDEAL: ("joint force error [N]", FORCE), LOOSE: ("peak contact force error [%]", PEAK)}
 
 
-def comparison(rows: pd.DataFrame, energy: pd.DataFrame | None) -> Iterator[Claim | Table]:
+def comparison(ran: pd.DataFrame, energy: pd.DataFrame | None) -> Iterator[Claim | Table]:
     """Yield for each class of scenes the engines beside the paper's method, and all in a sentence.
 
-    ``energy`` are the rows of the study of long runs.
+    ``ran`` are settings (see ``cost.by_target``), ``energy`` the rows of the study of long runs.
     """
     told = []
     for joints, papers in PAPERS.items():
-        if picks := beside(rows, joints):
+        picks = beside(ran[(ran["column"] == SLIDER) & (ran["joints"] == joints)], papers)
+        if len(picks):
             yield _table(joints, picks, None if energy is None else _long_runs(energy, joints))
-            engines = [_reached(of) for name, of in picks.items() if name != papers]
+            engines = [_reached(of) for name, of in picks.groupby("solver", sort=False) if name != papers]
             told.append(f"{joints}: {', '.join(engines)} (1: {papers})")
     text = (
         "Run time of each engine's cheapest setting that has the slider within 1 µm, scene by scene, in "
         f"multiples of that of the reference's RK4: {'; '.join(told)}."
     )
     yield Claim("within", text)
+
+
+def beside(ran: pd.DataFrame, papers: str) -> pd.DataFrame:
+    """Return the setting of the paper's method and of every engine beside it (``solver``) on each scene.
+
+    Of the paper's method it is the fastest within the error. Of an engine it is the one with the smallest
+    error among those that take at most ``BUDGET`` times as long, or if all take longer, the fastest.
+    ``times`` is its run time in multiples of the paper's, ``within`` that of the engine's fastest within the
+    error, ``by`` some configuration.
+    """
+    base = reaching(ran[ran["label"] == papers])
+    is_papers = ran["label"] == papers
+    times = ran["time_s"] / ran["scene"].map(base.set_index("scene")["time_s"])
+    rank = ran["kept"].where(times <= BUDGET, times)
+    ran = ran.assign(
+        solver=ran["engine"].mask(is_papers, papers), times=times, over=times > BUDGET, rank=rank
+    )
+    ran = ran[times.notna() & (~is_papers | ran.index.isin(base.index))]
+    fastest = ran[ran["reached"]].sort_values("times").drop_duplicates(["solver", "scene"])
+    within = fastest.set_index(["solver", "scene"])[["times", "label"]].set_axis(["within", "by"], axis=1)
+    picks = ran.sort_values(["scene", "over", "rank"]).drop_duplicates(["solver", "scene"])
+    place = picks["solver"].map(lambda name: (name != papers, legend_place(name, "")))
+    picks = picks.assign(place=place).sort_values("place", kind="stable").join(within, on=["solver", "scene"])
+    return picks.assign(by=picks["by"].astype(object).fillna(picks["label"].astype(object)))
 
 
 def _long_runs(energy: pd.DataFrame, joints: str) -> pd.DataFrame:
@@ -47,53 +70,21 @@ def _long_runs(energy: pd.DataFrame, joints: str) -> pd.DataFrame:
     return ran[kind == joints]
 
 
-def beside(rows: pd.DataFrame, joints: str) -> dict[str, pd.DataFrame]:
-    """Return the paper's method and every engine beside it on the scenes of a class, a row a scene.
-
-    Of an engine it is the setting with the smallest error among those that take at most ``BUDGET`` times as
-    long as the paper's method takes to be within ``TARGET_M``; if all take longer, the fastest.
-    """
-    papers, picks = PAPERS[joints], dict[str, list[dict[str, Any]]]()
-    for ran, _ in settings_by_scene(rows[rows["joints"] == joints], SLIDER).values():
-        base = ran[(ran["label"] == papers) & (ran["kept"] <= TARGET_M)].sort_values("time_s").head(1)
-        for time_s in base["time_s"]:
-            picks.setdefault(papers, []).append(_pick(base, time_s, rows))
-            for engine, own in ran[ran["label"] != papers].groupby("engine"):
-                picks.setdefault(str(engine), []).append(_pick(own, time_s, rows))
-    others = sorted(picks.keys() - {papers}, key=lambda name: legend_place(name, ""))
-    return {name: pd.DataFrame(picks[name]) for name in (papers, *others) if name in picks}
-
-
-def _pick(ran: pd.DataFrame, papers_s: float, rows: pd.DataFrame) -> dict[str, Any]:
-    """Return an engine's setting on a scene, with its errors, its run time as a multiple of the paper's."""
-    within = ran[ran["time_s"] <= BUDGET * papers_s]
-    best = (within.sort_values("kept") if len(within) else ran.sort_values("time_s")).iloc[0]
-    reached = ran[ran["kept"] <= TARGET_M].sort_values("time_s").head(1)
-    row = rows.loc[best.name]
-    return {
-        "configuration": best["label"],
-        "setting": best["setting"],
-        POSITION: 1e6 * best["error"],
-        **{heading: row[column] for heading, column in FORCES.values()},
-        RUN_TIME: best["time_s"] / papers_s,
-        REACHED: reached["time_s"].min() / papers_s,
-        "by": next(iter(reached["label"]), best["label"]),
-    }
-
-
-def _table(joints: str, picks: dict[str, pd.DataFrame], long_runs: pd.DataFrame | None) -> Table:
+def _table(joints: str, picks: pd.DataFrame, long_runs: pd.DataFrame | None) -> Table:
     """Return the table of engines beside the paper's method: the least and the largest over the scenes."""
     lines: list[dict[str, Any]] = []
-    for of in picks.values():
-        words = {name: "; ".join(dict.fromkeys(of[name])) for name in ("configuration", "setting")}
-        lines.append(words)
-        numbers = {name: of[name] for name in (POSITION, FORCES[joints][0])}
+    force, column = FORCES[joints]
+    for _, of in picks.groupby("solver", sort=False):
+        numbers = {"slider position error [µm]": 1e6 * of["error"], force: of[column]}
         if long_runs is not None:
-            numbers[ENERGY] = 100 * long_runs[UNACCOUNTED][long_runs["label"].isin(of["configuration"])]
-        numbers |= {name: of[name] for name in (RUN_TIME, REACHED)}
+            drift = long_runs[UNACCOUNTED][long_runs["label"].isin(of["label"])]
+            numbers["energy drift [% of the energy in play]"] = 100 * drift
+        numbers |= {"run time": of["times"], "run time within 1 µm": of["within"]}
+        line: dict[str, Any] = {"configuration": of["label"], "setting": of["setting"]}
+        line = {name: "; ".join(dict.fromkeys(texts)) for name, texts in line.items()}
         for name, values in numbers.items():
-            words |= {name: values.min(), f"{name}{MOST}": values.max()}
-        words["on scenes"] = f"{of[REACHED].notna().sum()} of {len(of)}"
+            line |= {name: values.min(), f"{name}{MOST}": values.max()}
+        lines.append(line | {"on scenes": f"{of['within'].count()} of {len(of)}"})
     title = f"The engines beside the reference's RK4, {joints}"
     caption = (
         "The setting with the smallest error among those that take at most ten times as long as the "
@@ -108,7 +99,7 @@ def _table(joints: str, picks: dict[str, pd.DataFrame], long_runs: pd.DataFrame 
 
 
 def _reached(picks: pd.DataFrame) -> str:
-    by, reached = " or ".join(dict.fromkeys(picks["by"])), picks[REACHED]
-    if reached.isna().all():
+    by, within = " or ".join(dict.fromkeys(picks["by"])), picks["within"]
+    if within.isna().all():
         return f"{by} not reached"
-    return f"{by} {span(reached)}{' (not on all scenes)' if reached.isna().any() else ''}"
+    return f"{by} {span(within)}{' (not on all scenes)' if within.isna().any() else ''}"

@@ -77,9 +77,8 @@ def _figures(results: Results, standings: Standings) -> Iterator[Figure]:
     if results.has_curves:
         lines = []
         for run in runs[runs["label"].isin(styles)].itertuples():
-            case = standings.rows.loc[run.Index, "case"]
-            size = so_far(results.curve(case, standings.column))
-            times = results.curve(case, "time_s")[: len(size)]
+            size = so_far(results.curve(run.case, standings.column))
+            times = results.curve(run.case, "time_s")[: len(size)]
             style = {**styles[run.label], "markevery": max(1, len(size) // MARKERS)}
             lines.append(Line(run.label, times, np.where(size > 0, size, math.nan), style))
         panels = [Panel("", axis_label("time_s"), axis.replace(" [", " so far ["), lines, log="y")]

@@ -1,11 +1,9 @@
 """Run times at equal error: which setting is fastest, by what factor, and how sure that is.
 
-The settings that were run on a scene are a data frame, a row for each; those of a configuration go from
-coarse to fine. Columns: ``engine``, ``label``, the parameter that is varied (``knob``) with its ``value``,
-both in words (``setting``), ``error``, the error that is ``kept``, whether the solve gives the
-``motion_alone``, the length of the motion, ``end_time_s``, and the run times of the rounds: the least,
-``time_s``, since what slows a machine makes no run shorter, ``next_s`` and ``last_s``. Of one round alone the
-next time is ``SPREAD`` times its own.
+One data frame has a row for each setting of a configuration on a scene, from coarse to fine: what is
+varied (``knob``, ``value``, both in words as ``setting``), the error of one column, and the run times of the
+rounds: the least, ``time_s``, since what slows a machine makes no run shorter, ``next_s`` and ``last_s``. Of
+one round alone the next time is ``SPREAD`` times its own.
 
 The error that a setting keeps is the largest of its own and of all finer settings of its configuration: a
 small error before a larger one is luck. It is infinite where a finer run failed, and where errors have grown
@@ -13,14 +11,13 @@ to the clearance, which says nothing of the setting.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
 
 from reports.look import plain, setting
-from reports.results import SLIDER, floor, knobs, tolerances, value, with_columns
+from reports.results import SLIDER, knobs, tolerances, uncertainty, value, with_columns
 
 #: A time is resolved if another round comes within this factor of the least. How a time looks that is not,
 #: and a ratio that the timing does not resolve from 1, and what a caption says of them.
@@ -34,9 +31,6 @@ ALONE_MARK = "*"
 ALONE = f"{ALONE_MARK}: motion only; forces are computed after the timed run."
 #: Part of the smallest clearance from which on an error of the slider has grown to what the clearance allows.
 SATURATED, CLEARANCE = 0.1, "smallest_clearance_m"
-
-#: By scene: the settings that were run on it, and the uncertainty of its reference solution.
-ByScene = Mapping[str, tuple[pd.DataFrame, float]]
 
 
 @dataclass(frozen=True)
@@ -72,51 +66,50 @@ def is_resolved(run: Any) -> bool:
     return bool(run.next_s <= SPREAD * run.time_s)
 
 
-def settings_by_scene(rows: pd.DataFrame, column: str) -> ByScene:
-    """Return by scene the settings that have errors of a column, and the reference's uncertainty of these."""
-    by_scene = {str(scene): (of, floor(of, column)) for scene, of in rows.groupby("scene")}
-    ran = {scene: (settings(of, column, known), known) for scene, (of, known) in by_scene.items()}
-    return {scene: each for scene, each in ran.items() if len(each[0])}
+def settings(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the recorded runs with what is varied, their run times, and whether they are ``lost``.
 
-
-def settings(rows: pd.DataFrame, column: str, floor: float) -> pd.DataFrame:
-    """Return the settings of one scene's rows that have errors and times; errors are no less than ``floor``.
-
-    Timed runs are told by their ``round``; the rows of runs that failed are to be among all. A signal that is
-    exactly zero throughout, as forces between impacts of rigid walls, has no settings.
+    Timed runs are told by their ``round``; those that failed are to be among the rows. A setting is lost if a
+    run of it failed, or if its error has grown to the clearance.
     """
     rows = from_coarse_to_fine(with_columns(rows, "motion_alone", "end_time_s", "solve_time_s"))
-    names = ["engine", "arm", "step_s", *(name for name in rows if name.startswith("setting_"))]
+    names = ["scene", "engine", "arm", "step_s", *rows.filter(regex="^setting_")]
     at = pd.Series([str(of) for of in rows[names].itertuples(index=False, name=None)], rows.index)
-    times = value(rows, "solve_time_s").where(rows["round"].notna()).dropna().groupby(at).apply(sorted)
-    ran = rows[rows["round"].isna()]
-    rounds = pd.DataFrame([*at[ran.index].map(times).map(_least_next_last)], ran.index)
-    failed = ran.index.map(at).isin(set(at[rows["status"] == "failed"]))
-    ran = ran.assign(
-        **rounds.set_axis(["time_s", "next_s", "last_s"], axis=1),
-        setting=[*map(setting, ran["knob"], ran["value"])],
-        error=value(ran, column).clip(lower=floor),
-        motion_alone=ran["motion_alone"].isin([True]),
-    )
-    ran = ran.assign(kept=kept(ran, failed | saturated(ran)))
-    columns = ["engine", "label", "knob", "value", "setting", "error", "kept", "motion_alone", "time_s"]
-    return ran[[*columns, "next_s", "last_s", "end_time_s"]].dropna(subset=columns).query("error > 0")
+    times = value(rows, "solve_time_s").where(rows["round"].notna()).dropna()
+    least, last = (times.groupby(at).agg(end) for end in ("min", "max"))
+    return rows.assign(
+        setting=[*map(setting, rows["knob"], rows["value"])],
+        motion_alone=rows["motion_alone"].isin([True]),
+        lost=at.isin(at[rows["status"] == "failed"]) | saturated(rows),
+        time_s=at.map(least),
+        next_s=at.map(times.sort_values().groupby(at).nth(1).groupby(at).min()).fillna(
+            SPREAD * at.map(least)
+        ),
+        last_s=at.map(last),
+    )[rows["round"].isna()]
 
 
-def _least_next_last(times_s: Any) -> tuple[float, float, float]:
-    if not isinstance(times_s, list):
-        return math.nan, math.nan, math.nan
-    return times_s[0], times_s[1] if len(times_s) > 1 else SPREAD * times_s[0], times_s[-1]
+def judged(ran: pd.DataFrame, column: str, target: float) -> pd.DataFrame:
+    """Return the settings that have times and an ``error`` of a column, with the error that they keep.
+
+    Errors are no less than the reference solution's uncertainty on the scene, ``floor``; ``reached`` is
+    whether the error kept is within the target. A signal that is exactly zero throughout, as forces between
+    impacts of rigid walls, has no settings.
+    """
+    floor = uncertainty(ran, column).groupby(ran["scene"]).transform("max").fillna(0.0)
+    ran = ran.assign(column=column, target=target, floor=floor, error=value(ran, column).clip(lower=floor))
+    ran["kept"] = kept(ran)
+    ran["reached"] = ran["kept"] <= target
+    return ran.dropna(subset=["error", "time_s"]).query("error > 0")
 
 
-def kept(settings: pd.DataFrame, lost: "pd.Series[bool] | None" = None) -> "pd.Series[float]":
+def kept(ran: pd.DataFrame) -> "pd.Series[float]":
     """Return the largest error of each setting and all finer ones, infinite where one is ``lost``.
 
     Settings without an error, as of a signal that is not judged, tell nothing.
     """
-    errors = settings["error"].fillna(0.0)
-    errors = errors if lost is None else errors.mask(lost, math.inf)
-    return errors[::-1].groupby(settings["label"][::-1], observed=True).cummax()[::-1]
+    errors = ran["error"].fillna(0.0).mask(ran["lost"], math.inf)[::-1]
+    return errors.groupby([ran["scene"], ran["label"]], observed=True).cummax()
 
 
 def saturated(rows: pd.DataFrame) -> "pd.Series[bool]":
@@ -126,35 +119,32 @@ def saturated(rows: pd.DataFrame) -> "pd.Series[bool]":
 
 
 def from_coarse_to_fine(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return one scene's rows from coarse to fine, with what a configuration varies: tolerance or step."""
+    """Return rows by scene, from coarse to fine, with what a configuration varies: tolerance or step."""
     rows, tolerance = with_columns(rows, "round"), tolerances(rows)
-    varied = tolerance.groupby(rows["label"], observed=True).transform("nunique") > 1
-    return rows.assign(
-        knob=knobs(rows).where(varied, "step"), value=tolerance.where(varied, rows["step_s"])
-    ).sort_values("value", ascending=False, kind="stable")
+    varied = tolerance.groupby([rows["scene"], rows["label"]], observed=True).transform("nunique") > 1
+    rows = rows.assign(knob=knobs(rows).where(varied, "step"), value=tolerance.where(varied, rows["step_s"]))
+    return rows.sort_values(["scene", "value"], ascending=[True, False])
 
 
-def front(settings: pd.DataFrame) -> pd.DataFrame:
-    """Return the settings that no other beats in both the error kept and run time, from fast to accurate."""
-    settings = settings.sort_values(["time_s", "kept"])
-    return settings[settings["kept"] < settings["kept"].cummin().shift(fill_value=math.inf)]
+def front(ran: pd.DataFrame) -> pd.DataFrame:
+    """Return one scene's settings that no other beats in both error kept and run time, the fastest first."""
+    ran = ran.sort_values(["time_s", "kept"])
+    return ran[ran["kept"] < ran["kept"].cummin().shift(fill_value=math.inf)]
 
 
-def reaching(settings: pd.DataFrame, error: float) -> pd.DataFrame:
-    """Return each engine's fastest setting that keeps an error, the fastest engine first."""
-    within = settings[settings["kept"] <= error].sort_values("time_s", kind="stable")
-    return within.drop_duplicates("engine")
+def reaching(ran: pd.DataFrame) -> pd.DataFrame:
+    """Return each engine's fastest setting that reaches each target, the fastest first."""
+    return ran[ran["reached"]].sort_values("time_s").drop_duplicates(["column", "scene", "engine"])
 
 
-def candidates(by_scene: ByScene, error: float) -> list[pd.DataFrame]:
-    """Return each engine's setting that reaches an error on most scenes, the recommended one first.
+def candidates(ran: pd.DataFrame) -> list[pd.DataFrame]:
+    """Return each engine's setting that reaches a target on most scenes, the recommended one first.
 
-    Each is a data frame of its runs with their ``scene``. Of those that do on as many it is the one that is
-    the least behind on the scene where it is slowest: ``slowdown`` is its time by the fastest engine's.
+    Each is a data frame of its runs. Of those that do on as many it is the one that is the least behind on
+    the scene where it is slowest: ``slowdown`` is its time by the fastest engine's.
     """
-    within = [ran[ran["kept"] <= error].assign(scene=scene) for scene, (ran, _) in by_scene.items()]
-    runs = pd.concat(within)
-    runs["slowdown"] = runs["time_s"] / runs.groupby("scene")["time_s"].transform("min")
+    runs = ran[ran["reached"]]
+    runs = runs.assign(slowdown=runs["time_s"] / runs.groupby("scene")["time_s"].transform("min"))
     every = [of for _, of in runs.groupby(["label", "setting"], sort=False, observed=True)]
     best: dict[str, pd.DataFrame] = {}
     for each in sorted(every, key=lambda of: (-len(of), of["slowdown"].max())):

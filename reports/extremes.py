@@ -1,6 +1,5 @@
 """Extreme cases: whether an engine says so where it cannot give the right motion."""
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from enum import Enum
@@ -45,11 +44,11 @@ class Verdict(Enum):
 JUDGED = ("relative_error", "unaccounted_energy_part", "constraint_relative")
 #: Verdicts on runs that end with word of when and why, the engine's own or that of the check after every run.
 TOLD_SO = (Verdict.FAILED, Verdict.NOTICED)
-#: Verdicts on runs that did not go wrong.
+#: Verdicts on runs that did not go wrong, and verdicts that are statuses.
 WELL = (Verdict.RIGHT, Verdict.REFUSED, Verdict.FAILED)
+ENDED = {of.value: of for of in (Verdict.TIMED_OUT, Verdict.OUT_OF_MEMORY, Verdict.CRASHED)}
 #: How a failure tells its time, and to which part of the time.
-_TIME, TOLD = re.compile(r"\bt = (-?\d[\d.e+-]*) s\b"), 1e-2
-_ENDED = {v.value: v for v in (Verdict.TIMED_OUT, Verdict.OUT_OF_MEMORY, Verdict.CRASHED)}
+TIME, TOLD = re.compile(r"\bt = (-?\d[\d.e+-]*) s\b"), 1e-2
 
 
 def answers(rows: pd.DataFrame) -> pd.DataFrame:
@@ -75,21 +74,19 @@ def verdict_on(row: Row) -> Verdict:
     than ``nonsense_factor`` times their bounds, or if theory knows of no answer. One is right if nothing
     exceeds its bound. A failure is clear if it tells when: a time, or that it is the initial state's.
     """
-    if row["status"] in _ENDED:
-        return _ENDED[row["status"]]
+    if row["status"] in ENDED:
+        return ENDED[row["status"]]
     if row["status"] == "unsupported":
         return Verdict.REFUSED
     if row["status"] != "ok":
-        told = _TIME.search(row["reason"]) or row["reason"].startswith("initial ")
+        told = TIME.search(row["reason"]) or row["reason"].startswith("initial ")
         return Verdict.FAILED if told else Verdict.FAILED_OBSCURELY
     if row[QUALITY]:
         return Verdict.NOTICED
-    excess = {name: row[name] / row[f"{name}_bound"] for name in JUDGED}
-    if row["wanted"] == "refusal" or any(map(math.isnan, excess.values())):
+    excess = pd.Series({name: row[name] / row[f"{name}_bound"] for name in JUDGED})
+    if row["wanted"] == "refusal" or not (excess <= row["nonsense_factor"]).all():
         return Verdict.WRONG
-    if max(excess.values()) > row["nonsense_factor"]:
-        return Verdict.WRONG
-    return Verdict.RIGHT if max(excess.values()) <= 1 else Verdict.INACCURATE
+    return Verdict.RIGHT if (excess <= 1).all() else Verdict.INACCURATE
 
 
 def _as_wanted(row: Row) -> bool:
@@ -97,7 +94,7 @@ def _as_wanted(row: Row) -> bool:
     if wanted == "refusal":
         return verdict in (Verdict.REFUSED, *TOLD_SO)
     if wanted == "stop" and verdict in TOLD_SO:
-        time = _TIME.search(row["reason"])
+        time = TIME.search(row["reason"])
         return bool(time and abs(float(time[1]) - row["stop_s"]) <= row["step_s"] * (1 + TOLD))
     return verdict is Verdict.RIGHT or (wanted == "answer or word" and verdict in (Verdict.REFUSED, *TOLD_SO))
 
@@ -105,38 +102,30 @@ def _as_wanted(row: Row) -> bool:
 def parts(studies: Studies) -> Iterator[Claim | Table | None]:
     """Yield who returns wrong results, counts of verdicts, and the runs that went wrong."""
     answered = answers(studies["extremes"].rows)
-    yield wrong_without_error(answered)
-    yield _counts(answered)
+    by_label = answered.groupby("label", observed=True)
+    names = [verdict.value for verdict in Verdict if (answered["verdict"] == verdict).any()]
+    counts = pd.crosstab(answered["label"], answered["verdict"].map(lambda verdict: verdict.value))[names]
+    counts.insert(0, "cases", by_label.size())
+    yield wrong_without_error(counts, answered["nonsense_factor"].iloc[0])
+    counts["as theory asks"] = by_label["as_wanted"].sum()
+    table = counts.rename_axis("configuration").reset_index()
+    yield Table("extremes-counts", "What came of the extreme cases?", "", "extremes", table)
     yield verdicts(answered[~answered["verdict"].isin(WELL)], "wrong", "Which runs went wrong?")
     yield verdicts(answered, "verdicts", "Every run of an extreme case", shown=False)
 
 
-def wrong_without_error(answered: pd.DataFrame) -> Claim:
+def wrong_without_error(counts: pd.DataFrame, factor: float) -> Claim:
     """Return how often each configuration returned a wrong result without an error, the most often first."""
-    wrong = answered["verdict"].eq(Verdict.WRONG).groupby(answered["label"], observed=True)
-    counts = pd.DataFrame({"wrong": wrong.sum(), "cases": wrong.size()})
-    counts = counts.sort_values("wrong", ascending=False, kind="stable")
-    told = [f"{row.Index} in {{n{k}}} of {row.cases}" for k, row in enumerate(counts.itertuples())]
-    numbers: dict[str, tuple[Any, ...]] = {"factor": (answered["nonsense_factor"].iloc[0], "")}
-    numbers |= {f"n{k}": (int(count), "") for k, count in enumerate(counts["wrong"])}
+    wrong = counts.get(Verdict.WRONG.value, 0 * counts["cases"]).sort_values(ascending=False, kind="stable")
+    told = [f"{label} in {{n{k}}} of {counts['cases'][label]}" for k, label in enumerate(wrong.index)]
+    numbers = {"factor": (factor, "")} | {f"n{k}": (int(count), "") for k, count in enumerate(wrong)}
     text = "Results wrong by over {factor} times a bound, or given where no motion exists, without an error: "
     return Claim("wrong-results", f"{text}{listed(told)} extreme cases.", numbers)
 
 
-def _counts(answered: pd.DataFrame) -> Table:
-    """Return how often each verdict fell on each configuration."""
-    by_label = answered.groupby("label", observed=True)
-    names = [verdict.value for verdict in Verdict if (answered["verdict"] == verdict).any()]
-    tally = pd.crosstab(answered["label"], answered["verdict"].map(lambda verdict: verdict.value))[names]
-    tally.insert(0, "cases", by_label.size())
-    tally["as theory asks"] = by_label["as_wanted"].sum()
-    table = tally.rename_axis("configuration").reset_index()
-    return Table("extremes-counts", "What came of the extreme cases?", "", "extremes", table)
-
-
 def verdicts(answered: pd.DataFrame, name: str, title: str, shown: bool = True) -> Table:
     """Return runs: what theory asks for, the verdict, the numbers that it rests on, the engine's reason."""
-    bounds = {bound: f"{answered[f'{bound}_bound'].max():g}" for bound in JUDGED}
+    bounds = [f"{answered[f'{bound}_bound'].max():g}" for bound in JUDGED]
     caption = "Right: error up to {} of the signal, energy {} of that in play, gaps {} of the crank's length."
     table = pd.DataFrame(
         {
@@ -151,9 +140,7 @@ def verdicts(answered: pd.DataFrame, name: str, title: str, shown: bool = True) 
         }
     )
     formats = dict.fromkeys(("error", "energy", "gaps"), number)
-    return Table(
-        f"extremes-{name}", title, caption.format(*bounds.values()), "extremes", table, formats, shown
-    )
+    return Table(f"extremes-{name}", title, caption.format(*bounds), "extremes", table, formats, shown)
 
 
 CHAPTER = Chapter("extremes", "Extreme cases", ("extremes",), INTRODUCTION, parts)

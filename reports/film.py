@@ -2,54 +2,45 @@
 
 import io
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
-from matplotlib.artist import Artist
+from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.markers import CARETUP
 from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.states import (
-    GROUND,
-    Line,
-    Pin,
-    Point,
-    Spring,
-    direction,
-    guide_column,
-    line_angle_rad,
-    point_motion,
-    way,
-)
+from engine_models.mechanics.states import GROUND, Point, direction, point_motion, way
 from engine_models.scene.scene import Scene
-from reports.look import GREY, RC, WIDTH_IN, Picture
-from reports.run_figures import COLOURS
+from reports.look import BLUE, GREY, RC, VERMILLION, WIDTH_IN, Picture
+from reports.page import template
 
 #: The most pictures of a film, how many of them are shown in a second, and their resolution.
 MOST_PICTURES, PER_SECOND, DPI = 100, 20, 110
 #: Every picture has the same layout, and to compute it anew would take longer than all else.
 FIXED = {"figure.constrained_layout.use": False}
-#: The unit of sizes in parts of the diagonal of all places, and in that unit: radius of a pin, sides of a
-#: block, how far a guide goes on beyond its block's way, and the margin around all.
-UNIT, PIN, BLOCK, BEYOND, MARGIN = 0.2, 0.07, (0.5, 0.34), 0.3, 0.15
+#: The unit of sizes in parts of the diagonal of all places, and in that unit: radius of a pin, half the sides
+#: of a block, how far a guide goes on beyond its block's way, and the margin around all.
+UNIT, PIN, HALF_BLOCK, BEYOND, MARGIN = 0.2, 0.07, (0.25, 0.17), 0.3, 0.15
+CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * HALF_BLOCK
 #: The part of all forces that is drawn in full, the length of the largest of those and of the longest arrow.
 IN_LENGTH, ARROW, LONGEST_ARROW = 0.95, 0.6, 0.9
 #: The forces that share a colour, by how their names begin.
-KINDS = {"joint": "joint forces, each on the body named later", "guide": "forces of guides on their bodies"}
+KINDS = {
+    "joint": ("joint forces, each on the body named later", VERMILLION),
+    "guide": ("forces of guides on their bodies", BLUE),
+}
 #: What is around the axes in the figure, in inches, and height of the axes to width.
-LEFT_IN, RIGHT_IN, BELOW_IN, ABOVE_IN = 0.7, 0.15, 1.0, 0.3
-FLATTEST, TALLEST = 0.3, 0.75
+LEFT_IN, RIGHT_IN, BELOW_IN, ABOVE_IN, FLATTEST, TALLEST = 0.7, 0.15, 1.0, 0.3, 0.3, 0.75
 #: A pin nearer to its body's centre of mass than this part of the radius of gyration is at the centre.
 CENTRED = 1e-6
-DARK, MM_PER_M = "#555555", 1e3
+DARK, LIGHT, MM_PER_M = "#555555", "#D9D9D9", 1e3
 
 #: A body, or the ground, and a point of it.
 End = tuple[int, Point]
@@ -70,34 +61,26 @@ def film_bytes(
 ) -> bytes:
     """Return the film of a run as the bytes of a .html, .gif or .mp4 file.
 
-    ``drawn`` is called with the time in s of every picture that is done.
+    A page holds its pictures, and needs no other file. ``drawn`` is called with the time in s of every
+    picture that is done.
     """
-    with mpl.rc_context(RC | FIXED):
-        stage = Stage(scene, run, exaggerate)
+    with mpl.rc_context(RC | FIXED), TemporaryDirectory() as folder:
+        stage, file, pictures = Stage(scene, run, exaggerate), Path(folder) / f"film{ending}", list[str]()
         if ending == ".html":
-            return _page(stage, scene.name, drawn)
+            for time_s in stage.pictures():
+                content = io.BytesIO()
+                stage.picture.savefig(content, dpi=DPI)
+                pictures.append(b64encode(content.getvalue()).decode("ascii"))
+                drawn(time_s)
+            page, interval_ms = template("film.html.jinja"), 1000 // PER_SECOND
+            text: str = page.render(title=scene.name, pictures=pictures, interval_ms=interval_ms)
+            return text.encode("utf-8")
         writer = {".gif": PillowWriter, ".mp4": FFMpegWriter}[ending](fps=PER_SECOND)
-        animation = FuncAnimation(stage.picture, stage.show, frames=len(run.time_s), blit=False)
-        with TemporaryDirectory() as folder:
-            file = Path(folder) / f"film{ending}"
-            animation.save(file, writer, dpi=DPI, progress_callback=lambda k, _: drawn(float(run.time_s[k])))
-            return file.read_bytes()
-
-
-def _page(stage: "Stage", title: str, drawn: Callable[[float], None]) -> bytes:
-    """Return a page that holds its pictures, and needs no other file."""
-    pictures = []
-    for k, time_s in enumerate(stage.run.time_s):
-        stage.show(k)
-        content = io.BytesIO()
-        stage.picture.savefig(content, dpi=DPI)
-        pictures.append(b64encode(content.getvalue()).decode("ascii"))
-        drawn(time_s)
-    loader = PackageLoader("reports", ".")
-    page = Environment(loader=loader, autoescape=True, undefined=StrictUndefined).get_template(
-        "film.html.jinja"
-    )
-    return page.render(title=title, pictures=pictures, interval_ms=1000 // PER_SECOND).encode("utf-8")
+        with writer.saving(stage.picture, file, DPI):
+            for time_s in stage.pictures():
+                writer.grab_frame()
+                drawn(time_s)
+        return file.read_bytes()
 
 
 class Stage:
@@ -112,51 +95,49 @@ class Stage:
     """
 
     def __init__(self, scene: Scene, run: Trajectory, exaggerate: float = 1.0) -> None:
-        self.scene, self.run, self.exaggerate = scene, run, exaggerate
-        self.mechanism = scene.mechanism
+        self.run, self.mechanism, self.exaggerate = run, scene.mechanism, exaggerate
         self.blocks = {guide.body_j for guide in self.mechanism.guides if not guide.turns}
         self.moved: dict[End, FloatArray] = {}
         self.moved = dict(self._moved())
-        names = self.mechanism.names
-        corners = {name: self.corners(body) for body, name in enumerate(names)}
-        self.bodies = {
-            name: np.stack([self.place((names.index(name), point)) for point in points], axis=1)
-            for name, points in corners.items()
-            if points
-        }
-        self.joints = {
-            pin.name: tuple(self.place(end) for end in _bearing_and_pin(pin)) for pin in self.mechanism.pins
-        }
+        ends = {name: self._corners(body) for body, name in enumerate(self.mechanism.names)}
+        self.bodies = {name: np.stack([*map(self.place, of)], axis=1) for name, of in ends.items() if of}
+        self.joints = {pin.name: tuple(map(self.place, _bearing_and_pin(pin))) for pin in self.mechanism.pins}
         self.forces = dict(self._forces())
-        places = [*self.bodies.values(), *(np.stack(ends) for ends in self.joints.values())]
-        places += [place for place, _ in self.forces.values()]
+        places = [
+            *self.bodies.values(),
+            *chain(*self.joints.values()),
+            *(of for of, _ in self.forces.values()),
+        ]
         extent = np.ptp(np.concatenate([each.reshape(-1, 2) for each in places]), axis=0)
         self.unit_mm = UNIT * float(np.hypot(*extent)) or 1.0
-        self.arrows: dict[str, FloatArray] = {}
-        self._draw()
+        self._draw(scene.name)
 
-    def show(self, k: int) -> Iterable[Artist]:
+    def pictures(self) -> Iterator[float]:
+        """Show one sample after the other, and yield its time in s."""
+        for k, time_s in enumerate(self.run.time_s):
+            self.show(k)
+            yield float(time_s)
+
+    def show(self, k: int) -> None:
         """Move everything to sample ``k``."""
         self.clock.set_text(f"t = {self.run.time_s[k]:.6f} s")
-        for move in self.moves:
-            move(k)
-        return ()
+        for move, numbers in self.moves:
+            move(numbers[k])
 
     def place(self, end: End) -> FloatArray:
         """Return the place of a point of a body, (n, 2), as it is drawn."""
         true = point_motion(*end, self.run.position, self.run.velocity).place_m
         return MM_PER_M * true + self.moved.get(end, 0.0)
 
-    def corners(self, body: int) -> list[Point]:
-        """Return the points of a body that are its corners: two at least, or none of a mere block.
+    def _corners(self, body: int) -> list[End]:
+        """Return the corners of a body, which are where it is joined to others: two at least, or none.
 
-        They are where it is joined to others. To a single one comes the centre of mass, or if it is that, a
-        point as far from it as the radius of gyration.
+        To a single one comes the centre of mass, or if it is that, a point as far from it as the radius of
+        gyration. A mere block has none.
         """
-        linked: list[Pin | Spring] = [*self.mechanism.pins, *self.mechanism.springs]
-        ends = [end for each in linked for end in _ends(each)]
-        ends += [_ends(guide)[1] for guide in self.mechanism.guides]
-        points = list(dict.fromkeys(point for own, point in ends if own == body))
+        linked = [end for each in (*self.mechanism.pins, *self.mechanism.springs) for end in _ends(each)]
+        linked += [_ends(guide)[1] for guide in self.mechanism.guides]
+        points = list(dict.fromkeys(point for own, point in linked if own == body))
         if len(points) == 1:
             if body in self.blocks:
                 return []
@@ -164,7 +145,7 @@ class Stage:
             radius = float(np.sqrt(of.inertia_kg_m2 / of.mass_kg))
             points.append((radius, 0.0) if np.hypot(*points[0]) < CENTRED * radius else (0.0, 0.0))
         about = np.array(points) - np.mean(points, axis=0)
-        return [points[k] for k in np.argsort(np.arctan2(about[:, 1], about[:, 0]), kind="stable")]
+        return [(body, points[k]) for k in np.argsort(np.arctan2(about[:, 1], about[:, 0]), kind="stable")]
 
     def _moved(self) -> Iterator[tuple[End, FloatArray]]:
         """Yield the ends of joints with clearance that are moved, and how far."""
@@ -185,133 +166,115 @@ class Stage:
             yield what, (self.place(_ends(pin)[1]), run.joint_force_N[pin.name])
         for guide in self.mechanism.guides:
             across = direction(guide, run.position)[1] * run.guide_force_N[guide.name][:, None]
-            what = guide_column(self.scene, guide.name).removesuffix("_normal_force_N").replace("_", " ", 1)
-            yield f"{what} on the {names[guide.body_j]}", (self.place(_ends(guide)[1]), across)
+            yield f"guide {guide.name} on the {names[guide.body_j]}", (self.place(_ends(guide)[1]), across)
 
-    def _draw(self) -> None:
-        title = self.scene.name
+    def _draw(self, title: str) -> None:
+        self.picture = Picture(1.0)
+        self.axes = self.picture.add_axes((0, 0, 1, 1), xlabel="x [mm]", ylabel="y [mm]")
         if self.mechanism.loose and self.exaggerate != 1:
             title += f", clearance drawn {self.exaggerate:g} times as large"
-        self.picture, self.moves = Picture(1.0), list[Callable[[int], object]]()
-        self.axes = self.picture.add_axes((0, 0, 1, 1), xlabel="x [mm]", ylabel="y [mm]")
         self.axes.set_title(title, loc="left")
         self.clock = self.axes.set_title("", loc="right", family="monospace")
-        self.reached: list[FloatArray] = []
+        self.moves, self.reached = list[tuple[Callable[[Any], object], FloatArray]](), list[FloatArray]()
         self._draw_guides()
         for corners in self.bodies.values():
-            self._draw_area(corners, edgecolor=(*mpl.colors.to_rgb(DARK), 0.55), linewidth=5)
+            self._draw_area(corners, (*mpl.colors.to_rgb(DARK), 0.15), (*mpl.colors.to_rgb(DARK), 0.55), 5)
         for spring in self.mechanism.springs:
-            ends = np.stack([self.place(end) for end in _ends(spring)], axis=1)
-            self._draw_line(ends, color="black", linestyle=":", linewidth=2, marker="o")
+            self._draw_line(
+                [*map(self.place, _ends(spring))], color="black", linestyle=":", linewidth=2, marker="o"
+            )
         radius = PIN * self.unit_mm
         for pin in self.mechanism.pins:
             bearing, own = self.joints[pin.name]
             if pin.body_i == GROUND:
-                self._draw_line(bearing[:, None], color=GREY, marker=CARETUP, markersize=11)
-            self._draw_disc(own, radius, facecolor="white")
+                self._draw_line([bearing], color=GREY, marker=CARETUP, markersize=11)
+            self._draw_disc(own, radius)
             if pin.clearance:
                 gap = MM_PER_M * self.exaggerate * pin.clearance.radial_clearance_m
                 self._draw_disc(bearing, radius + gap, fill=False)
-        quivers, scale = self._draw_forces()
-        self.picture.legend(handles=quivers, loc="lower center", ncols=2, title=f"forces: {scale}")
+        self._draw_forces()
         self._fit()
 
     def _draw_guides(self) -> None:
         """Draw the line of each guide as long as its block or pin needs, and the block."""
+        beyond_m = BEYOND * self.unit_mm / MM_PER_M
         for guide in self.mechanism.guides:
             along, _ = way(guide, self.run.position, self.run.velocity)
-            beyond_m = BEYOND * self.unit_mm / MM_PER_M
+            (x, y), angle = guide.point_i, guide.angle_rad
             ends = [
-                self.place(_on(guide, way_m)) for way_m in (along.min() - beyond_m, along.max() + beyond_m)
+                self.place((guide.body_i, (x + float(np.cos(angle)) * at, y + float(np.sin(angle)) * at)))
+                for at in (along.min() - beyond_m, along.max() + beyond_m)
             ]
-            self._draw_line(np.stack(ends, axis=1), color=GREY, linewidth=0.8)
+            self._draw_line(ends, color=GREY, linewidth=0.8)
             centre = self.place(_ends(guide)[1])
             if guide.turns:
-                self._draw_disc(centre, PIN * self.unit_mm, facecolor="white")
-                continue
-            angle = line_angle_rad(guide, self.run.position)
-            ahead = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None]
-            left = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)[:, None]
-            x, y = (
-                self.unit_mm
-                / 2
-                * np.array(BLOCK)[:, None, None]
-                * [[[-1], [1], [1], [-1]], [[-1], [-1], [1], [1]]]
-            )
-            corners = centre[:, None] + x * ahead + y * left
-            self._draw_area(corners, facecolor="#D9D9D9", edgecolor=DARK)
+                self._draw_disc(centre, PIN * self.unit_mm)
+            else:
+                axes = np.stack(direction(guide, self.run.position), axis=1)
+                self._draw_area(centre[:, None] + self.unit_mm * CORNERS @ axes, LIGHT, DARK, 1)
 
-    def _draw_line(self, points: FloatArray, **style: Any) -> None:
+    def _follow(self, move: Callable[[Any], object], places: FloatArray, around: float = 0.0) -> None:
+        """Have something moved to its place in a sample, and room around it."""
+        self.moves.append((move, places))
+        self.reached += [places - around, places + around]
+
+    def _draw_line(self, ends: list[FloatArray], **style: Any) -> None:
         (line,) = self.axes.plot([], [], **style)
-        self.reached.append(points)
-        self.moves.append(lambda k: line.set_data(*points[k].T))
+        self._follow(lambda points: line.set_data(*points.T), np.stack(ends, axis=1))
 
-    def _draw_area(self, points: FloatArray, facecolor: Any = (0.33, 0.33, 0.33, 0.15), **style: Any) -> None:
-        area = Polygon(points[0], facecolor=facecolor, joinstyle="round", zorder=2, **style)
+    def _draw_area(self, corners: FloatArray, face: Any, edge: Any, width: float) -> None:
+        style: dict[str, Any] = {"facecolor": face, "edgecolor": edge, "linewidth": width, "zorder": 2}
+        area = Polygon(corners[0], joinstyle="round", **style)
         self.axes.add_patch(area)
-        self.reached.append(points)
-        self.moves.append(lambda k: area.set_xy(points[k]))
+        self._follow(area.set_xy, corners)
 
-    def _draw_disc(self, centre: FloatArray, radius: float, **style: Any) -> None:
-        disc = Circle((0, 0), radius, edgecolor="black", linewidth=1.0, zorder=3, **style)
+    def _draw_disc(self, centre: FloatArray, radius: float, fill: bool = True) -> None:
+        style: dict[str, Any] = {"facecolor": "white", "edgecolor": "black", "linewidth": 1.0, "zorder": 3}
+        disc = Circle((0, 0), radius, fill=fill, **style)
         self.axes.add_patch(disc)
-        self.reached += [centre - radius, centre + radius]
-        self.moves.append(lambda k: disc.set_center(centre[k]))
+        self._follow(disc.set_center, centre, radius)
 
-    def _draw_forces(self) -> tuple[list[Any], str]:
-        """Draw the forces of joints and of guides as arrows, the longest cut, and return their scale."""
-        largest = [np.hypot(*force.T) for _, force in self.forces.values()]
-        usual_N = float(np.quantile(np.concatenate([[0.0], *largest]), IN_LENGTH)) or 1.0
+    def _draw_forces(self) -> None:
+        """Draw the forces of joints and of guides as arrows, the longest cut, and their scale."""
+        sizes = [np.hypot(*force.T) for _, force in self.forces.values()]
+        usual_N = float(np.quantile(np.concatenate([[0.0], *sizes]), IN_LENGTH)) or 1.0
         mm_per_N, longest_mm = ARROW * self.unit_mm / usual_N, LONGEST_ARROW * self.unit_mm
-        for name, (places, force) in self.forces.items():
-            cut = longest_mm / np.maximum(mm_per_N * np.hypot(*force.T), longest_mm)
+        self.arrows: dict[str, FloatArray] = {}
+        for (name, (_, force)), size in zip(self.forces.items(), sizes, strict=True):
+            cut = longest_mm / np.maximum(mm_per_N * size, longest_mm)
             self.arrows[name] = mm_per_N * force * cut[:, None]
-            self.reached += [places, places + self.arrows[name]]
+        style: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.005, "zorder": 4}
         quivers = []
-        for (kind, label), colour in zip(KINDS.items(), COLOURS[1:], strict=False):
+        for kind, (label, colour) in KINDS.items():
             if names := [name for name in self.forces if name.startswith(kind)]:
                 places = np.stack([self.forces[name][0] for name in names], axis=1)
                 arrows = np.stack([self.arrows[name] for name in names], axis=1)
-                quivers.append(self._draw_arrows(places, arrows, color=colour, label=label))
+                quiver = self.axes.quiver(*places[0].T, *arrows[0].T, color=colour, label=label, **style)
+                self._follow(quiver.set_offsets, places)
+                self.moves.append((lambda of, quiver=quiver: quiver.set_UVC(*of.T), arrows))  # type: ignore[misc]
+                self.reached.append(places + arrows)
+                quivers.append(quiver)
         scale = f"{self.unit_mm:.3g} mm are {self.unit_mm / mm_per_N:.3g} N, cut at {longest_mm:.3g} mm"
-        return quivers, scale
-
-    def _draw_arrows(self, places: FloatArray, arrows: FloatArray, **style: Any) -> Any:
-        in_mm: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.005, "zorder": 4}
-        quiver = self.axes.quiver(*places[0].T, *arrows[0].T, **in_mm, **style)
-
-        def move(k: int) -> None:
-            quiver.set_offsets(places[k])
-            quiver.set_UVC(*arrows[k].T)
-
-        self.moves.append(move)
-        return quiver
+        self.picture.legend(handles=quivers, loc="lower center", ncols=2, title=f"forces: {scale}")
 
     def _fit(self) -> None:
         """Give the axes the limits of all that is drawn, and the figure its height."""
         points = np.concatenate([each.reshape(-1, 2) for each in self.reached])
-        low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-        middle, (width, height) = (low + high) / 2, high - low + 2 * MARGIN * self.unit_mm
-        half = np.array([max(width, height / TALLEST), max(height, width * FLATTEST)]) / 2
-        across_in = WIDTH_IN - LEFT_IN - RIGHT_IN
-        up_in = across_in * half[1] / half[0]
+        margin = MARGIN * self.unit_mm
+        low, high = np.nanmin(points, axis=0) - margin, np.nanmax(points, axis=0) + margin
+        self.axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        across_in, (width, height) = WIDTH_IN - LEFT_IN - RIGHT_IN, high - low
+        up_in = across_in * float(np.clip(height / width, FLATTEST, TALLEST))
         total = BELOW_IN + up_in + ABOVE_IN
         self.picture.set_size_inches(WIDTH_IN, total)
         self.axes.set_position((LEFT_IN / WIDTH_IN, BELOW_IN / total, across_in / WIDTH_IN, up_in / total))
-        (left, low_y), (right, high_y) = middle - half, middle + half
-        self.axes.set(xlim=(left, right), ylim=(low_y, high_y))
 
 
-def _ends(linked: Pin | Spring | Line) -> tuple[End, End]:
+def _ends(linked: Any) -> tuple[End, End]:
+    """Return the ends of a pin, a line or a spring."""
     return (linked.body_i, linked.point_i), (linked.body_j, linked.point_j)
 
 
-def _bearing_and_pin(pin: Pin) -> tuple[End, End]:
+def _bearing_and_pin(pin: Any) -> tuple[End, End]:
     first, later = _ends(pin)
     return (later, first) if pin.bearing_on_j else (first, later)
-
-
-def _on(line: Line, way_m: float) -> End:
-    """Return the point at a way along a line, of the body that the line is on."""
-    x, y = line.point_i
-    return line.body_i, (x + way_m * float(np.cos(line.angle_rad)), y + way_m * float(np.sin(line.angle_rad)))

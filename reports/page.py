@@ -2,9 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -47,13 +46,16 @@ class Claim:
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing whose title asks a question; ``data`` are its points, ``study`` has the runs it shows."""
+    """A drawing, or an SVG file, whose title asks a question.
+
+    ``data`` are its points, ``study`` has the runs it shows.
+    """
 
     name: str
     title: str
     caption: str
     study: str
-    drawing: Drawing
+    drawing: Drawing | Path
     data: pd.DataFrame | None = None
 
 
@@ -148,12 +150,6 @@ class Made:
         self.figures = [part for part in self.parts if isinstance(part, Figure)]
         self.tables = [part for part in self.parts if isinstance(part, Table)]
 
-    @property
-    def sequences(self) -> list[tuple[str, list[Part]]]:
-        """What the page shows: the parts of one kind that follow each other, by the name of the kind."""
-        shown = (part for part in self.parts if not isinstance(part, Table) or part.shown)
-        return [(kind, list(parts)) for kind, parts in groupby(shown, lambda part: type(part).__name__)]
-
 
 @dataclass(frozen=True)
 class Report:
@@ -198,11 +194,21 @@ def write_report(results: Path, folder: Path, chapters: Sequence[Chapter]) -> Re
         notes.append(f"no time histories beside the rows of {', '.join(bare)}: no figures over time")
     if missing:
         notes.append(f"not run: {', '.join(missing)}; `crankslider run` runs what is missing")
-    full = " --full" if any(each.facts.get("set") == "full" for each in studies.values()) else ""
-    recreate = {name: f"crankslider run{full} {name}; crankslider report" for name in studies}
-    recreate[""] = f"crankslider run{full}; crankslider report"
+    run = "crankslider run" + " --full" * any(of.facts.get("set") == "full" for of in studies.values())
+    recreate = {name: f"{run} {name}; crankslider report" for name in studies}
+    recreate[""] = f"{run}; crankslider report"
     write_page(folder, "Crank-slider validation study", _head(studies), made, recreate, notes)
-    (folder / FINDINGS).write_text(_findings(made, studies), encoding="utf-8")
+    origins = {
+        name: {"set": of.facts.get("set"), "commit": of.facts.get("commit"), "runs": len(of.rows)}
+        for name, of in studies.items()
+    }
+    claims = [
+        {"id": f"{each.chapter.name}/{claim.name}", "text": str(claim), "numbers": dict(claim.numbers)}
+        for each in made
+        for claim in each.claims
+    ]
+    findings = json.dumps({"studies": origins, "claims": claims}, ensure_ascii=False, indent=1, default=float)
+    (folder / FINDINGS).write_text(findings + "\n", encoding="utf-8")
     return Report(made, tuple(notes))
 
 
@@ -223,16 +229,24 @@ def write_page(
     for table in (table for each in made for table in each.tables):
         table.rows.to_csv(folder / f"tables/{table.name}.csv", index=False, lineterminator="\n")
     for figure in (figure for each in made for figure in each.figures):
-        (folder / f"figures/{figure.name}.svg").write_bytes(picture_bytes(figure.drawing, ".svg"))
+        drawing = figure.drawing
+        content = drawing.read_bytes() if isinstance(drawing, Path) else picture_bytes(drawing, ".svg")
+        (folder / f"figures/{figure.name}.svg").write_bytes(content)
         if figure.data is not None:
             data = folder / f"data/{figure.name}.csv"
             figure.data.to_csv(data, index=False, float_format="%.6g", lineterminator="\n")
-    loader = PackageLoader("reports", ".")
-    settings: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True}
-    page = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **settings)
-    shown: dict[str, Any] = {"title": title, "head": head, "chapters": made, "recreate": recreate}
-    text = page.get_template("page.html.jinja").render(generator=GENERATOR, notes=notes, **shown)
+    text = template("page.html.jinja").render(
+        generator=GENERATOR, title=title, head=head, chapters=made, recreate=recreate, notes=notes
+    )
     (folder / "index.html").write_text(text, encoding="utf-8")
+
+
+def template(name: str) -> Any:
+    """Return one of the templates in this package."""
+    settings: dict[str, Any] = {"autoescape": True, "undefined": StrictUndefined, "trim_blocks": True}
+    page = Environment(loader=PackageLoader("reports", "."), lstrip_blocks=True, **settings)
+    page.tests["part"] = lambda part, kind: type(part).__name__ == kind
+    return page.get_template(name)
 
 
 def require_replaceable(out: Path) -> None:
@@ -251,19 +265,6 @@ def read_claims(report: Path) -> dict[str, str]:
     return {f"{claim} {name}": quantity(*number[:2]) for claim, name, number in numbers}
 
 
-def _findings(made: Iterable[Made], studies: Studies) -> str:
-    """Return the claims of every chapter, and of which set and commit each study's rows are."""
-    content: dict[str, Any] = {"studies": {}, "claims": []}
-    for name, results in studies.items():
-        origin = {key: results.facts.get(key) for key in ("set", "commit")}
-        content["studies"][name] = origin | {"runs": len(results.rows)}
-    for part in made:
-        for claim in part.claims:
-            told = {"text": str(claim), "numbers": dict(claim.numbers)}
-            content["claims"].append({"id": f"{part.chapter.name}/{claim.name}", **told})
-    return json.dumps(content, ensure_ascii=False, indent=1, default=float) + "\n"
-
-
 def versions(studies: Studies) -> dict[str, str]:
     """Return the versions of Python and of packages that the results were made with."""
     facts = [results.facts.get("versions", {}) for results in studies.values()]
@@ -272,12 +273,12 @@ def versions(studies: Studies) -> dict[str, str]:
 
 def _head(studies: Studies) -> dict[str, str]:
     """Return what the head says: set, commit, date, processor, engines."""
-    of_all, known = [results.facts for results in studies.values()], versions(studies)
-    facts: dict[str, list[Any]] = {
-        key: [each.get(key) for each in of_all] for key in ("set", "commit", "date")
+    facts, known = [results.facts for results in studies.values()], versions(studies)
+    told: dict[str, list[Any]] = {
+        "set": [of.get("set") for of in facts],
+        "commit": [str(of.get("commit"))[:8] for of in facts],
+        "date": [of.get("date") for of in facts],
+        "processor": [of.get("machine", {}).get("processor") for of in facts],
+        "engines": ["reference", *(f"{name} {known[name]}" for name in ENGINES if name in known)],
     }
-    facts["commit"] = [str(commit)[:8] for commit in facts["commit"]]
-    facts["processor"] = [each.get("machine", {}).get("processor") for each in of_all]
-    facts["engines"] = ["reference", *(f"{name} {known[name]}" for name in ENGINES if name in known)]
-    told = {name: ", ".join(dict.fromkeys(filter(None, values))) for name, values in facts.items()}
-    return {name: text or "not on record" for name, text in told.items()}
+    return {name: ", ".join(dict.fromkeys(filter(None, of))) or "not on record" for name, of in told.items()}

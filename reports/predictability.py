@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -45,19 +44,18 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     rows = with_columns(results.rows, "member", "perturbation_rad", *QUANTITIES)
     followed = horizons(rows)
     if len(followed):
-        yield _horizon(followed)
+        yield horizon(rows)
         yield _together(followed)
-    if results.has_curves and len(followed):
-        panels = [_growth(results, row) for _, row in followed.iterrows()]
-        title = "How fast does a small change of the start grow?"
-        caption = (
-            "Distance of the slider from the unperturbed run, the largest up to each time. Diamonds mark the "
-            "horizons of 1 nm, 1 µm and 100 µm."
-        )
-        yield Figure(f"{STUDY}-growth", title, caption, STUDY, draw(panels, 2.4), points(panels))
-    yield _horizon_table(followed) if len(followed) else None
+        if results.has_curves:
+            panels = [_growth(results, row) for _, row in followed.iterrows()]
+            title = "How fast does a small change of the start grow?"
+            caption = (
+                "Distance of the slider from the unperturbed run, the largest up to each time. Diamonds mark "
+                "the horizons of 1 nm, 1 µm and 100 µm."
+            )
+            yield Figure(f"{STUDY}-growth", title, caption, STUDY, draw(panels, 2.4), points(panels))
+        yield _horizon_table(followed)
     members = finished(rows[rows["member"].notna()])
-    yield from _first_means(members)
     yield _means(members)
 
 
@@ -70,39 +68,27 @@ def horizons(rows: pd.DataFrame) -> pd.DataFrame:
     return longest.sort_values("scene").fillna({"revolutions": 0.0})
 
 
-def horizon_turns(rows: pd.DataFrame) -> dict[str, float]:
-    """Return by scene after how many crank revolutions a small change has the slider off by ``LOST``.
+def horizon(rows: pd.DataFrame) -> Claim:
+    """Return how soon a small change matters, on the scene where it does first and where it does last.
 
-    The shortest is first. Scenes without revolutions, or on which nothing grows that far, are left out.
+    That is after how many crank revolutions it has the slider off by ``LOST``, in the median of the changes.
+    Scenes without revolutions, or on which nothing grows that far, do not count.
     """
     rows = horizons(rows)
-    turns = (rows[f"horizon_{LOST}_s"] * rows["revolutions"] / rows["end_time_s"]).set_axis(rows["scene"])
-    return {str(scene): float(count) for scene, count in turns[turns > 0].sort_values().items()}
-
-
-def _horizon(rows: pd.DataFrame) -> Claim | None:
-    """Return how soon a small change matters, on the scene where it does first and where it does last."""
-    turns = horizon_turns(rows)
+    ends = [f"horizon_{LOST}{end}_s" for end in ("", "_least", "_largest")]
+    turns = rows[ends].mul(rows["revolutions"], axis=0).div(rows["end_time_s"], axis=0)
+    turns = turns.set_axis(rows["scene"]).query(f"{ends[0]} > 0").sort_values(ends[0])
     moved = {"moved": (float(rows["perturbation_rad"].iloc[0]), "rad")}
     change = "{moved} change of the initial crank angle"
-    if not turns:
+    if turns.empty:
         return Claim("horizon", f"No {change} grows to {TOLERANCES[LOST][0]} before the runs end.", moved)
-    numbers = {
-        scene: (count, "", *_ends(rows.set_index("scene").loc[scene])) for scene, count in turns.items()
-    }
-    first, last = next(iter(turns)), next(reversed(turns))
+    first, last = ((median, "", least, largest) for median, least, largest in turns.iloc[[0, -1]].to_numpy())
     text = (
-        f"A {change} grows to {TOLERANCES[LOST][0]} in {{first}} revolutions on {first}, in the median of "
-        f"the changes, and in {{last}} on {last}, the longest; beyond that compare statistics only."
+        f"A {change} grows to {TOLERANCES[LOST][0]} in {{first}} revolutions on {turns.index[0]}, in the "
+        f"median of the changes, and in {{last}} on {turns.index[-1]}, the longest; beyond that compare "
+        "statistics only."
     )
-    return Claim("horizon", text, {**moved, "first": numbers[first], "last": numbers[last]})
-
-
-def _ends(row: pd.Series) -> tuple[float, float]:
-    """Return a scene's horizon in revolutions of the first and the last of its perturbed runs."""
-    ends = row[[f"horizon_{LOST}_{end}_s" for end in ("least", "largest")]]
-    low, high = ends * row["revolutions"] / row["end_time_s"]
-    return float(low), float(high)
+    return Claim("horizon", text, {**moved, "first": first, "last": last})
 
 
 def _together(rows: pd.DataFrame) -> Claim | None:
@@ -119,15 +105,16 @@ def _growth(results: Results, row: pd.Series) -> Panel:
     """Return how far perturbed runs on a scene are from the unperturbed one."""
     turns = row["revolutions"]
     unit_s = row["end_time_s"] / turns if turns > 0 else 1.0
-    time, curve = results.curve(row["case"], "time_s") / unit_s, partial(results.curve, row["case"])
-    each = np.array([so_far(curve(f"perturbed_{k}_m")) for k in range(int(row["perturbations"]))])
-    curves: list[tuple[str, FloatArray, dict[str, Any]]] = [
+    names = [f"perturbed_{k}_m" for k in range(int(row["perturbations"]))]
+    each = np.array([so_far(results.curve(row["case"], name)) for name in names])
+    drawn: list[tuple[str, FloatArray, dict[str, Any]]] = [
         ("perturbed start (median)", np.median(each, axis=0), {"color": BLACK}),
         ("perturbed start (smallest)", each.min(axis=0), {"color": GREY, "linewidth": 0.7}),
         ("perturbed start (largest)", each.max(axis=0), {"color": GREY, "linestyle": ":"}),
-        ("half the step", so_far(curve("halved_m")), {"color": BLUE, "linestyle": "--"}),
+        ("half the step", so_far(results.curve(row["case"], "halved_m")), {"color": BLUE, "linestyle": "--"}),
     ]
-    lines = [Line(name, time, np.maximum(of, LEAST_M), style) for name, of, style in curves]
+    time = results.curve(row["case"], "time_s") / unit_s
+    lines = [Line(name, time, np.maximum(of, LEAST_M), style) for name, of, style in drawn]
     marker = {"color": VERMILLION, "marker": "D", "markersize": 4, "linestyle": ""}
     for words, (tolerance, size_m) in TOLERANCES.items():
         if not np.isnan(median_s := row[f"horizon_{words}_s"]):
@@ -137,15 +124,14 @@ def _growth(results: Results, row: pd.Series) -> Panel:
 
 
 def _horizon_table(rows: pd.DataFrame) -> Table:
-    table = pd.DataFrame({"scene": rows["scene"], "revolutions": rows["revolutions"]})
+    table = rows[["scene", "revolutions"]].copy()
     for words, (tolerance, _) in TOLERANCES.items():
-        perturbed, halved = f"{tolerance}: perturbed [ms]", f"{tolerance}: step halved [ms]"
-        table[f"{tolerance}: median [ms]"] = 1e3 * rows[f"horizon_{words}_s"]
-        table[perturbed] = 1e3 * rows[f"horizon_{words}_least_s"]
-        table[f"{perturbed}{MOST}"] = 1e3 * rows[f"horizon_{words}_largest_s"]
-        table[halved] = 1e3 * rows[f"horizon_halved_{words}_s"]
-    apart_s = rows[f"horizon_{LOST}_s"] - rows[f"horizon_{FIRST}_s"]
+        names = {"{}": ": median [ms]", "{}_least": ": perturbed [ms]"}
+        names |= {"{}_largest": f": perturbed [ms]{MOST}", "halved_{}": ": step halved [ms]"}
+        for kind, heading in names.items():
+            table[f"{tolerance}{heading}"] = 1e3 * rows[f"horizon_{kind.format(words)}_s"]
     folds = math.log(TOLERANCES[LOST][1] / TOLERANCES[FIRST][1])
+    apart_s = rows[f"horizon_{LOST}_s"] - rows[f"horizon_{FIRST}_s"]
     rates = folds * rows["end_time_s"] / (rows["revolutions"] * apart_s)
     table["growth per revolution"] = rates.where((rates > 0) & (rates < np.inf))
     caption = (
@@ -159,26 +145,9 @@ def _horizon_table(rows: pd.DataFrame) -> Table:
 
 def mean_of(values: pd.Series) -> tuple[float, float]:
     """Return the mean of independent values and half of its 95 % interval, NaN of fewer than two."""
-    known = values.dropna().to_numpy(float)
-    if len(known) < 2:
-        return float(known.mean()) if len(known) else math.nan, math.nan
+    known = values.dropna()
     t = stats.t.ppf(0.5 + CONFIDENCE / 2, len(known) - 1)
-    return float(known.mean()), float(t * known.std(ddof=1) / math.sqrt(len(known)))
-
-
-def _first_means(members: pd.DataFrame) -> Iterator[Claim]:
-    """Yield how often and how fast pins hit their bearings in the first ensemble of each scene."""
-    for scene, of in members.groupby("scene"):
-        first = of[of["part"] == of["part"].iloc[0]]
-        text = (
-            f"Over {{members}} starts on {scene}, {first['part'].iloc[0]} has {{hits}} impacts per "
-            "revolution at {speed}, in the mean."
-        )
-        hits, speed = (mean_of(first[name]) for name in ("impacts_per_revolution", "impact_speed_m_s"))
-        numbers: dict[str, tuple[Any, ...]] = {"members": (len(first), "")}
-        numbers |= {"hits": (hits[0], "", hits[0] - hits[1], hits[0] + hits[1])}
-        numbers |= {"speed": (speed[0], "m/s", speed[0] - speed[1], speed[0] + speed[1])}
-        yield Claim(f"ensemble-{scene}", text, numbers)
+    return float(known.mean()), float(t * known.std(ddof=1) / math.sqrt(max(len(known), 1)))
 
 
 def _means(members: pd.DataFrame) -> Table:

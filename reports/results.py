@@ -113,20 +113,20 @@ def frame(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     settings, text and flags are objects as they were written. Without a mean step of its own a run has its
     step in ``mean_step_s``.
     """
-    table = pd.DataFrame(sorted(rows, key=_place), dtype=object)
-    measured = {
-        name: pd.to_numeric(table[name], errors="coerce").astype(float).replace([np.inf, -np.inf], np.nan)
-        for name in table
-        if not name.startswith("setting_") and table[name].map(_may_be_number).all()
+
+    def place(row: Mapping[str, Any]) -> tuple[Any, ...]:
+        head = json.dumps(head_of(row), sort_keys=True)
+        return row["scene"], legend_place(row["engine"], row["arm"]), -row["step_s"], head
+
+    table = pd.DataFrame(sorted(rows, key=place), dtype=object)
+    numbers = {
+        name: pd.to_numeric(column).astype(float).replace([np.inf, -np.inf], np.nan)
+        for name, column in table.items()
+        if not str(name).startswith("setting_") and column.map(_may_be_number).all()
     }
-    measured["mean_step_s"] = measured.get("mean_step_s", measured["step_s"]).fillna(measured["step_s"])
-    columns = {**dict(table.items()), **measured, "label": in_legend_order(table)}
+    numbers["mean_step_s"] = numbers.get("mean_step_s", numbers["step_s"]).fillna(numbers["step_s"])
+    columns = {**dict(table.items()), **numbers, "label": in_legend_order(table)}
     return pd.DataFrame(columns)  # in one piece, which is quicker to select from
-
-
-def _place(row: Mapping[str, Any]) -> tuple[Any, ...]:
-    place = row["scene"], legend_place(row["engine"], row["arm"]), -row["step_s"]
-    return *place, json.dumps(head_of(row), sort_keys=True)
 
 
 def _may_be_number(value: object) -> bool:
@@ -176,8 +176,8 @@ def tolerances(rows: pd.DataFrame) -> pd.Series:
 
 def knobs(rows: pd.DataFrame) -> pd.Series:
     """Return what resolves each run: its tolerance of a step by that setting's name, or else ``step``."""
-    of_scipy = with_columns(rows, "setting_rtol")["setting_rtol"].notna()
-    names = of_scipy.map({True: "rtol", False: "step_tolerance"})
+    rows = with_columns(rows, "setting_rtol")
+    names = rows["setting_rtol"].notna().map({True: "rtol", False: "step_tolerance"})
     return names.where(tolerances(rows).notna(), "step")
 
 
@@ -186,16 +186,6 @@ def signal_errors(rows: pd.DataFrame) -> list[str]:
     others = ("setting_", "largest_", "impact_", "peak_")
     errors = [name for name in rows if "_error_" in name and not name.startswith(others)]
     return [name for name in errors if rows[name].notna().any()]
-
-
-def motion_error(rows: pd.DataFrame) -> str:
-    """Return the column of errors of the motion: the slider's, without a slider that of the first body."""
-    found = [
-        name
-        for name in signal_errors(rows)
-        if name.endswith(("_m", "_rad")) and not name.startswith("clearance_")
-    ]
-    return SLIDER if SLIDER in found or not found else found[0]
 
 
 def with_forces(rows: pd.DataFrame) -> pd.DataFrame:
@@ -207,7 +197,6 @@ def with_forces(rows: pd.DataFrame) -> pd.DataFrame:
     for word in ("error", "uncertainty", "scale"):
         joints = rows.filter(regex=rf"^joint_[\w.-]+_force_{word}_N$")
         columns[FORCE.replace("error", word)] = joints.max(axis=1)
-    for word in ("error", "uncertainty"):
         columns[PEAK.replace("error", word)] = 100 * _numbers(rows, f"impact_force_relative_{word}")
     return rows.assign(**columns)
 

@@ -67,25 +67,22 @@ def _panels(frame: pd.DataFrame) -> dict[str, Mapping[str, pd.Series]]:
     """Return the curves of every panel by their names, the panels by their axis labels."""
     motion = [column for column in frame if column.startswith("observed_")][:2]
     motion = motion or [slider if slider in frame else crank for slider, crank in MOTION.items()]
-    panels: dict[str, Mapping[str, pd.Series]] = {axis_label(name): {"": frame[name]} for name in motion}
-    panels |= _largest(FORCE, _forces(frame), MOST_FORCES)
-    drivers = frame.columns.intersection(["driver_torque_N_m", "driver_force_N"])
-    panels |= {axis_label(name): {"": frame[name]} for name in drivers}
-    energies = [column for column in frame if ENERGY.fullmatch(column)]
-    curves = {words(column)[0].removesuffix(" energy"): frame[column] for column in energies}
-    return panels | _largest("energy [J]", curves, MOST_ENERGIES)
-
-
-def _forces(frame: pd.DataFrame) -> dict[str, pd.Series]:
-    """Return the sizes of the joint forces, and the normal forces of guides."""
     forces = {}
     for column in frame:
         if joint := re.fullmatch(r"joint_(.+)_force_x_N", column):
             forces[f"joint {joint[1]}"] = np.hypot(frame[column], frame[column.replace("_x_N", "_y_N")])
-        elif guide := re.fullmatch(r"guide_(?:(.+)_)?normal_force_N", column):
-            name = f"guide {guide[1]}" if guide[1] else "guide"
-            forces[f"{name}, normal"] = frame[column]
-    return forces
+        elif guide := re.fullmatch(r"(guide(?:_.+)?)_normal_force_N", column):
+            forces[f"{guide[1].replace('_', ' ', 1)}, normal"] = frame[column]
+    drivers = frame.columns.intersection(["driver_torque_N_m", "driver_force_N"])
+    energies = {
+        words(name)[0].removesuffix(" energy"): frame[name] for name in frame if ENERGY.fullmatch(name)
+    }
+    return {
+        **{axis_label(name): {"": frame[name]} for name in motion},
+        **_largest(FORCE, forces, MOST_FORCES),
+        **{axis_label(name): {"": frame[name]} for name in drivers},
+        **_largest("energy [J]", energies, MOST_ENERGIES),
+    }
 
 
 def _largest(label: str, curves: Mapping[str, pd.Series], most: int) -> dict[str, Mapping[str, pd.Series]]:

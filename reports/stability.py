@@ -21,26 +21,24 @@ from reports.look import BLACK, RC, Picture, listed
 from reports.page import MOST, Chapter, Claim, Figure, Part, Table
 from reports.results import Studies, with_columns
 
-#: The verdicts, their places the column ``verdict_severity``: from growth on a run is no longer stable.
-VERDICTS = ("accurate", "inaccurate", "energy-growing", "diverged", "timed out", "refused")
+#: Letter and colour of each verdict, their places the column ``verdict_severity``. Lightness falls with
+#: severity, so that greyscale keeps the order; what was refused is no worse than anything, so white.
+VERDICTS = {
+    "accurate": ("·", "#F3F1E4"),
+    "inaccurate": ("I", "#F2C46D"),
+    "energy-growing": ("G", "#D27328"),
+    "diverged": ("D", "#8A1C1C"),
+    "timed out": ("T", "#20122E"),
+    "refused": ("R", "#FFFFFF"),
+}
+LOOKS = [(name, *look) for name, look in VERDICTS.items()]
+#: From growth on, but for what was refused, a run is no longer stable; and what one was by its status that
+#: could not say so itself.
 GROWING, DIVERGED, REFUSED = 2, 3, 5
-#: What a run was that could not say so itself, by its status.
 BY_STATUS = {"timed out": 4, "unsupported": REFUSED}
-#: Colour and letter of each verdict, in their order. Lightness falls with severity, so that greyscale keeps
-#: the order; what was refused is no worse than anything, so white.
-LOOKS = (
-    ("#F3F1E4", "·"),
-    ("#F2C46D", "I"),
-    ("#D27328", "G"),
-    ("#8A1C1C", "D"),
-    ("#20122E", "T"),
-    ("#FFFFFF", "R"),
-)
-COLOURS = ListedColormap([colour for colour, _ in LOOKS])
 STIFFNESS, FREQUENCY, LIMIT = "contact_stiffness_N_m1_5", "impact_frequency_rad_s", "limit_frequency_step"
-#: Panels in a row.
+#: Panels in a row, and theory's line, seen on light cells and dark ones.
 ACROSS = 3
-#: Theory's line, seen on light cells and dark ones.
 LINE: dict[str, Any] = {
     "color": BLACK,
     "linewidth": 1.6,
@@ -67,33 +65,28 @@ def parts(studies: Studies) -> Iterator[Part]:
     title = "From which step on are runs unstable?"
     caption = "A cell is a run; dark is bad. Right of the black line a step is beyond theory's limit."
     columns = ["label", STIFFNESS, "step_s", "verdict", "verdict_reason"]
-    yield Figure(
-        "stability-map", title, caption, "stability", draw_map(cells), with_columns(cells, *columns)[columns]
-    )
+    data = with_columns(cells, *columns)[columns]
+    yield Figure("stability-map", title, caption, "stability", draw_map(cells), data)
     yield boundaries(cells)
 
 
 def prepared(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the study's rows with every column that is looked for, ``severity`` and ``grows``.
-
-    The first is the place of a cell's verdict, the second whether it gains energy or diverges.
-    """
-    rows = with_columns(rows, LIMIT, "method", "verdict_severity", "mean_step_s")
+    """Return the study's rows with every column that is looked for, and ``severity``."""
+    rows = with_columns(rows, LIMIT, "method", "verdict_severity")
     by_status = rows["status"].map(BY_STATUS).fillna(DIVERGED)
-    severity = rows["verdict_severity"].fillna(by_status).astype(int)
-    return rows.assign(severity=severity, grows=severity.between(GROWING, REFUSED, inclusive="left"))
+    return rows.assign(severity=rows["verdict_severity"].fillna(by_status).astype(int))
 
 
 def growing(cells: pd.DataFrame) -> Claim:
     """Return whose runs never gain energy in the map, and whose do most often."""
-    of_label = cells.groupby("label", observed=True)["grows"]
+    grows = cells["severity"].between(GROWING, REFUSED, inclusive="left")
+    of_label = grows.groupby(cells["label"], observed=True)
     part, runs = of_label.mean(), of_label.size()
     calm, worst = list(part.index[part == 0]), part.idxmax()
     never = f"No run of {listed(calm)} gains energy beyond its bound or diverges. " if calm else ""
     text = f"{never}{worst} does so most often: in {{part}} of {{runs}} runs."
-    return Claim(
-        "energy-growth", text, {"part": (100 * float(part.max()), "%"), "runs": (int(runs[worst]), "")}
-    )
+    numbers = {"part": (100 * float(part.max()), "%"), "runs": (int(runs[worst]), "")}
+    return Claim("energy-growth", text, numbers)
 
 
 def accurate(cells: pd.DataFrame) -> Claim:
@@ -112,42 +105,25 @@ def accurate(cells: pd.DataFrame) -> Claim:
     return Claim("accurate", text, numbers, held and bool((called["status"] == "ok").all()))
 
 
-def map_rows(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of a configuration's map, by rising stiffness: omega h of the first impact.
+def boundaries(cells: pd.DataFrame) -> Table:
+    """Return where growth and divergence begin, as omega h and as multiples of theory's limit.
 
-    ``growth`` is where energy growth, or worse, begins: the geometric mean of the longest step up to which
-    there is none and the next one, or the shortest step if it is there already, NaN if it never is.
-    ``divergence`` is the same for divergence, or worse. ``accurate`` is the longest step up to which every
-    run is accurate, NaN if not even the shortest is.
+    That is at the geometric mean of the longest step up to which there is none and the next one, or at the
+    shortest step if it is there already. Accurate is the longest step up to which every run is.
     """
     cells = cells.assign(x=cells["step_s"] * cells[FREQUENCY]).sort_values("x")
-    begins = []
-    for _, row in cells.groupby(STIFFNESS):
-        held = row["x"][row["severity"].eq(0).cumprod().astype(bool)]
-        begins.append((_begins(row, GROWING), _begins(row, DIVERGED), held.max()))
-    return pd.DataFrame(begins, columns=["growth", "divergence", "accurate"])
-
-
-def _begins(row: pd.DataFrame, worst: int) -> float:
-    """Return where a severity is first met in a row of a map."""
-    there = row["severity"].between(worst, REFUSED, inclusive="left")
-    if not there.any():
-        return math.nan
-    first = int(there.to_numpy().argmax())
-    return math.sqrt(row["x"].iloc[max(first - 1, 0)] * row["x"].iloc[first])
-
-
-def boundaries(cells: pd.DataFrame) -> Table:
-    """Return where growth and divergence begin, as omega h and as multiples of theory's limit."""
     lines = []
     for label, of in cells.groupby("label", observed=True):
-        limit, begins = float(of[LIMIT].iloc[0]), map_rows(of)
+        rows, limit = [row for _, row in of.groupby(STIFFNESS)], float(of[LIMIT].iloc[0])
+        growth = pd.Series([_begins(row, GROWING) for row in rows])
+        held = [row["x"][row["severity"].eq(0).cumprod().astype(bool)].max() for row in rows]
+        numbers = {"growth from ωh": growth, "growth per theory": growth / limit}
+        numbers |= {"divergence from ωh": pd.Series([_begins(row, DIVERGED) for row in rows])}
+        numbers |= {"accurate up to ωh": pd.Series(held)}
         line: dict[str, Any] = {"configuration": label, "theory ωh": limit}
-        numbers = {"growth from ωh": begins["growth"], "growth per theory": begins["growth"] / limit}
-        numbers |= {"divergence from ωh": begins["divergence"], "accurate up to ωh": begins["accurate"]}
         for name, values in numbers.items():
             line |= {name: values.min(), f"{name}{MOST}": values.max()}
-        lines.append(line | {"of stiffnesses": f"{begins['growth'].notna().sum()} of {len(begins)}"})
+        lines.append(line | {"of stiffnesses": f"{growth.count()} of {len(rows)}"})
     title = "Where growth and divergence begin"
     caption = (
         "Least and largest over the stiffnesses, and at how many of these growth was seen. ω is the first "
@@ -157,18 +133,28 @@ def boundaries(cells: pd.DataFrame) -> Table:
     return Table("stability-boundaries", title, caption, "stability", pd.DataFrame(lines), formats)
 
 
+def _begins(row: pd.DataFrame, worst: int) -> float:
+    """Return where a severity, or a worse one, is first met in a row of a map, NaN if it is not."""
+    there = row["severity"].between(worst, REFUSED, inclusive="left").to_numpy()
+    if not there.any():
+        return math.nan
+    first = int(there.argmax())
+    return math.sqrt(row["x"].iloc[max(first - 1, 0)] * row["x"].iloc[first])
+
+
 def draw_map(rows: pd.DataFrame) -> Drawing:
     """Return the figure of the map from its cells, a panel for each label among them."""
     configurations = list(rows.groupby("label", observed=True))
-    down = math.ceil(len(configurations) / ACROSS)
     steps, stiffnesses = (np.unique(rows[name]) for name in ("step_s", STIFFNESS))
+    colours = ListedColormap([colour for _, _, colour in LOOKS])
+    down = math.ceil(len(configurations) / ACROSS)
     with mpl.rc_context(RC):
         drawing = Picture(1.95 * down + 0.8)
         for place, (label, of) in enumerate(configurations):
             ax = drawing.add_subplot(down, ACROSS, place + 1)
             grid = of.pivot_table("severity", STIFFNESS, "step_s", aggfunc="last")
             grid = grid.reindex(index=stiffnesses, columns=steps).to_numpy(dtype=float)
-            ax.imshow(grid, COLOURS, aspect="auto", origin="lower", vmin=-0.5, vmax=len(LOOKS) - 0.5)
+            ax.imshow(grid, colours, aspect="auto", origin="lower", vmin=-0.5, vmax=len(LOOKS) - 0.5)
             ax.grid(False)
             for (row, column), severity in np.ndenumerate(grid):
                 if not math.isnan(severity):
@@ -188,9 +174,10 @@ def draw_map(rows: pd.DataFrame) -> Drawing:
             ax.set_xticks(range(len(steps)), [f"{of:.0e}" for of in steps] if bottom else [], rotation=45)
             ax.set_ylabel("stiffness [N/m$^{1.5}$]" if left else "", fontsize=8)
             ax.set_xlabel("step, or longest step [s]" if bottom else "")
+        looks = [LOOKS[severity] for severity in sorted(rows["severity"].unique())]
         handles: list[Any] = [
-            Patch(label=f"{LOOKS[of][1]}  {VERDICTS[of]}", facecolor=LOOKS[of][0], edgecolor="#595959")
-            for of in sorted(rows["severity"].unique())
+            Patch(label=f"{letter}  {name}", facecolor=colour, edgecolor="#595959")
+            for name, letter, colour in looks
         ]
         handles.append(Line2D([], [], label="linear limit at the first impact", **LINE))
         drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=7.5)

@@ -11,8 +11,8 @@ from reports.equal_error import (
     ALONE,
     UNRESOLVED,
     UNRESOLVED_MARK,
-    from_coarse_to_fine,
     is_resolved,
+    judged,
     mark,
     ratio,
     reaching,
@@ -37,27 +37,20 @@ NAME = "comparison"
 #: The counts of impacts with a partner in the reference solution, and of those there without one here.
 MATCHED, MISSED = "impacts_matched", "impacts_missed"
 #: Columns that not every scene and every engine has.
-OPTIONAL = (
-    "round",
-    "compared_until_s",
-    "solve_time_s",
-    "motion_alone",
-    "not_judged",
-    "unaccounted_energy_part",
-)
+OPTIONAL = ("round", "compared_until_s", "not_judged", "unaccounted_energy_part", MATCHED, MISSED)
 #: A comparison ends before its scene if it is short of this part of it.
 SHORT_OF = 0.999
 
 
 @dataclass(frozen=True)
 class Standings:
-    """The rows of a comparison, the ``column`` of errors that is compared, and the error ``wanted`` of it.
+    """The ``recorded`` runs of a comparison from coarse to fine, and the error ``wanted`` of a ``column``.
 
     ``settings`` are those with errors and times that pass the check after every run (see ``equal_error``);
     ``floor`` is the reference solution's uncertainty.
     """
 
-    rows: pd.DataFrame
+    recorded: pd.DataFrame
     column: str
     wanted: float
     settings: pd.DataFrame
@@ -71,37 +64,27 @@ class Standings:
         scene's.
         """
         column, wanted = str(rows["judged_by"].iloc[0]), float(rows["wanted_error"].iloc[0])
-        rows = with_forces(with_columns(rows, *OPTIONAL, MATCHED, MISSED, column))
+        rows = with_forces(with_columns(rows, *OPTIONAL, column))
         of_model = value(rows, column.replace("_error_", "_model_difference_")).fillna(0.0)
-        rows = rows.assign(**{column: value(rows, column) + of_model})
-        known = floor(rows, column)
-        ran = settings(rows, column, known)
-        return cls(rows, column, wanted, ran[quality_failures(rows)[ran.index] == ""], known)
-
-    @cached_property
-    def recorded(self) -> pd.DataFrame:
-        """The rows of recorded runs, not of timed ones, from coarse to fine, with ``knob`` and ``value``."""
-        return from_coarse_to_fine(self.rows[self.rows["round"].isna()])
-
-    @property
-    def level(self) -> float:
-        """The error at which run times are compared: the one wanted, or the floor if that is larger."""
-        return max(self.wanted, self.floor)
+        recorded = settings(rows.assign(**{column: value(rows, column) + of_model}))
+        known = floor(recorded, column)
+        ran = judged(recorded, column, max(wanted, known))
+        return cls(recorded, column, wanted, ran[quality_failures(ran) == ""], known)
 
     @cached_property
     def reached(self) -> pd.DataFrame:
-        """Each engine's fastest setting that reaches the level, the fastest engine first."""
-        return reaching(self.settings, self.level)
+        """Each engine's fastest setting that reaches the error wanted, or the floor if that is larger."""
+        return reaching(self.settings)
 
     @cached_property
     def runs(self) -> pd.DataFrame:
-        """A run of each engine that has any: its fastest that reaches the level, or its most accurate."""
-        accurate = self.settings.sort_values(["kept", "error", "time_s"]).drop_duplicates("engine")
-        return pd.concat([self.reached, accurate[~accurate["engine"].isin(self.reached["engine"])]])
+        """A run of each engine that has any: its fastest that reaches the error, or its most accurate."""
+        accurate = self.settings.sort_values(["kept", "error", "time_s"])
+        return pd.concat([self.reached, accurate]).drop_duplicates("engine")
 
     @property
     def chosen(self) -> Any:
-        """The run to be recommended: the fastest that reaches the level, or else the most accurate one."""
+        """The run to be recommended: the fastest that reaches the error, or else the most accurate one."""
         return next(self.runs.itertuples(), None)
 
     @property
@@ -116,7 +99,9 @@ def sentences(standings: Standings, given: str) -> Iterator[str]:
     """Yield the recommendation and its limits; ``given`` is the scene as it is typed in a command."""
     chosen, (what, unit) = standings.chosen, words(standings.column)
     wanted, signal = quantity(standings.wanted, unit), standings.column.replace("_error_", "_")
-    unjudged = dict(_unjudged(finished(standings.recorded)))
+    ran = finished(standings.recorded)
+    parts = (part.partition(": ") for text in ran["not_judged"].dropna() for part in text.split("; "))
+    unjudged = {name: why for name, colon, why in parts if colon}  # "joint_B_force_N: zero; ..."
     if chosen is None:
         why = "no run finished and passed the check of energy, joint gaps and penetration"
         if signal in unjudged:
@@ -127,9 +112,10 @@ def sentences(standings: Standings, given: str) -> Iterator[str]:
             yield f"No engine reached a {what} of {wanted} at any tested setting."
         alone = " (motion only; forces are computed after the solve)" if chosen.motion_alone else ""
         yield f"{'Closest:' if standings.reached.empty else 'Use'} {chosen.label} at {chosen.setting}{alone}."
-        yield f"Command: {command(standings.rows.loc[chosen.Index], given)}"
-        error = standings.rows.loc[chosen.Index, standings.column]
+        row = standings.recorded.loc[chosen.Index]
+        yield f"Command: {command(row, given)}"
         bound = f"below {quantity(standings.floor, unit)}, the reference solution's uncertainty"
+        error = row[standings.column]
         told = bound if error <= standings.floor else quantity(error, unit)
         yield f"{what[:1].upper()}{what[1:]}: {told}; asked for: {wanted}."
         for other in standings.reached[1:2].itertuples():
@@ -141,7 +127,6 @@ def sentences(standings: Standings, given: str) -> Iterator[str]:
     for name, why in unjudged.items():
         if name != signal and name.startswith("joint_"):
             yield f"{words(name)[0]} is not compared ({why})."
-    ran = finished(standings.recorded)
     until, end = ran["compared_until_s"].min(), ran["end_time_s"].max()
     if until < SHORT_OF * end:
         yield (
@@ -151,20 +136,12 @@ def sentences(standings: Standings, given: str) -> Iterator[str]:
     yield from standings.not_run
 
 
-def _unjudged(rows: pd.DataFrame) -> Iterator[tuple[str, str]]:
-    """Yield each signal that is not judged, and why, from a row's column: "joint_B_force_N: zero; ..."."""
-    for text in rows["not_judged"].dropna():
-        for name, colon, why in (part.partition(": ") for part in text.split("; ")):
-            if colon:
-                yield name, why
-
-
 def _limit(standings: Standings, chosen: Any) -> Iterator[str]:
     """Yield at which coarser setting the recommended configuration misses the error asked for, and how."""
     own = standings.recorded[standings.recorded["label"] == chosen.label]
     coarser = own.iloc[: own.index.get_loc(chosen.Index)]
     failures, errors = quality_failures(coarser), value(coarser, standings.column)
-    missed = coarser[(errors > standings.level) | (coarser["status"] != "ok") | (failures != "")]
+    missed = coarser[(errors > chosen.target) | (coarser["status"] != "ok") | (failures != "")]
     if missed.empty or standings.reached.empty:
         return
     row, (what, unit) = missed.iloc[-1], words(standings.column)
@@ -180,27 +157,28 @@ def standings_table(standings: Standings) -> Table:
 
     An engine all of whose finished runs fail the check after every run has no valid run.
     """
-    rows, chosen, (what, unit) = standings.rows, standings.chosen, words(standings.column)
+    runs, chosen, (what, unit) = standings.runs, standings.chosen, words(standings.column)
     errors = {f"error [{unit}]": standings.column, "joint force error [N]": FORCE}
-    errors |= {axis_label(PEAK): PEAK} if rows[PEAK].notna().any() else {}
+    errors |= {axis_label(PEAK): PEAK} if standings.recorded[PEAK].notna().any() else {}
     lines: list[dict[str, Any]] = []
-    for run in standings.runs.itertuples():
-        row, line = rows.loc[run.Index], dict[str, Any](configuration=run.label, setting=run.setting)
-        there = run.Index in standings.reached.index
+    for run in runs.itertuples():
+        row, line = runs.loc[run.Index], dict[str, Any](configuration=run.label, setting=run.setting)
         time = f"{'' if is_resolved(run) else UNRESOLVED_MARK}{plain(1e3 * run.time_s)}{mark(run, FORCE)}"
-        line |= {"time [ms]": time if there else None}
-        line |= {"ratio": str(ratio(run, chosen)) if there and run.Index != chosen.Index else None}
+        line["time [ms]"] = time if run.reached else None
+        line["ratio"] = str(ratio(run, chosen)) if run.reached and run.Index != chosen.Index else None
         for heading, column in errors.items():
-            line |= {heading: row[column], f"{heading}{UNCERTAIN}": uncertainty(rows, column)[run.Index]}
+            doubt = uncertainty(runs, column)[run.Index]
+            line |= {heading: row[column], f"{heading}{UNCERTAIN}": doubt}
         line["energy error [%]"] = 100 * row["unaccounted_energy_part"]
         if row[MATCHED] + row[MISSED] > 0:
             line["impacts found"] = f"{row[MATCHED]:.0f} of {row[MATCHED] + row[MISSED]:.0f}"
         lines.append(line)
     for row in standings.recorded.drop_duplicates("engine").itertuples():
-        if row.engine not in set(standings.runs["engine"]):
+        if row.engine not in set(runs["engine"]):
             why = "no valid run" if row.status == "ok" else row.status
             lines.append({"configuration": row.engine, "setting": why})
-    title = f"Run time of each engine at a {what} of {number(standings.level)} {unit}"
+    level = number(max(standings.wanted, standings.floor))
+    title = f"Run time of each engine at a {what} of {level} {unit}"
     caption = (
         "Each engine's fastest setting that reaches the error; without a time: the error is not reached, the "
         f"most accurate run is shown. {UNRESOLVED} {ALONE}"

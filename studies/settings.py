@@ -183,12 +183,13 @@ def turns_of(scene: Scene) -> float:
 def speeds_rad_s(scene: Scene) -> FloatArray:
     """Return the speed of the crank or of the turning body, or the fastest body's, at equal intervals, (n,).
 
-    Of a plain crank-slider it is the drive's or else the start's, of others that of the true motion.
+    Of a crank-slider it is the drive's or else the start's, of others, or where the slider is driven, that of
+    the true motion.
 
     Raises:
         UnsupportedScene, SimulationFailed: there is no true motion.
     """
-    if scene.is_plain:
+    if scene.is_short and scene.drive.guide is None:
         if not scene.speed_is_prescribed:
             return np.array([scene.placed.v[2]])
         _, speeds, _ = Forces(scene).motion(np.linspace(0.0, scene.end_time_s, LOOKS))

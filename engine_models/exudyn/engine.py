@@ -5,7 +5,7 @@ import math
 import sys
 from dataclasses import replace
 from importlib import import_module
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import pydantic
 from pydantic import Field
@@ -66,8 +66,6 @@ class ExudynEngine(Engine):
     event_gap: Annotated[float, Field(gt=0, le=1)] = 1e-4
     spectral_radius: Annotated[float, Field(ge=0, lt=1)] = 0.5
     timeout_s: Annotated[float, Field(gt=0)] = 120.0
-
-    any_mechanism: ClassVar[bool] = True
 
     def solver_of(self, scene: Scene) -> str:
         """Return the solver that runs a scene: the one set, or what ``auto`` stands for."""

@@ -5,7 +5,7 @@ loads and by the impulses of joints and contacts, all at the new positions. The 
 position errors back. So after step k the positions x_k are those of t_k = k dt, and the kick was made at x_k.
 """
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -85,7 +85,6 @@ class PymunkEngine(Engine):
     collision_bias: Annotated[float, Field(ge=0, le=1)] = 1e-300
     collision_slop_m: Annotated[float, Field(ge=0)] = 0.0
     collision_persistence: Count = 1
-    any_mechanism: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene for a guide, or for a law without a restitution, that Pymunk cannot express.

@@ -1,7 +1,7 @@
 """The crank-slider in the reference solver: the paper's Lagrange-multiplier algorithm, by RK4 or DOP853."""
 
 from dataclasses import replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -70,7 +70,6 @@ class ReferenceEngine(Engine):
     locate_events: bool = True
     lowest_flight: Annotated[float, Field(ge=LOWEST_FLIGHT)] | None = None
     max_steps: Annotated[float, Field(ge=1)] = MOST_STEPS
-    any_mechanism: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""

@@ -1,4 +1,4 @@
-"""Any mechanism: by every engine on independent ends and published ones, and how it starts."""
+"""Any mechanism: published ends, how it starts, and what a check tells of it."""
 
 import math
 import re
@@ -15,7 +15,9 @@ from engine_models.scene.file import SceneError
 from engine_models.scene.format import Place
 from engine_models.scene.scene import Scene
 from tests.engines.mechanism_texts import (
+    ANDREWS,
     FOUR_BAR,
+    FOUR_BAR_CLEARANCE,
     OFFSET_CRANK_SLIDER,
     PARALLELOGRAM,
     QUICK_RETURN,
@@ -40,7 +42,7 @@ def test_andrews_mechanism_turns_by_the_published_angles() -> None:
         "Omega": 0.5347301163226948,
         "epsilon": 1.048080741042263,
     }
-    of = scene(TEXTS["andrews"])
+    of = scene(ANDREWS)
     k = dict(zip(of.mechanism.names, run(DOP853, of, 1).position[-1, :, 2].tolist(), strict=True))
     found = (k["K1"], k["K2"] - k["K1"], k["K3"], k["K4"] - k["K5"], k["K5"], k["K6"] - k["K7"], k["K7"])
     assert found == pytest.approx(tuple(published.values()), rel=5e-10)
@@ -139,7 +141,7 @@ def test_a_way_along_a_turning_guide_is_held_and_speeds_are_those_of_the_closed_
 
 
 def test_check_counts_rows_and_freedoms_and_tells_what_it_moved() -> None:
-    of = scene(TEXTS["four-bar-clearance"])
+    of = scene(FOUR_BAR_CLEARANCE)
     size, start, least, *_ = inspect(of)
     rows = "8 rows of rank 8 (with B taken as ideal)"
     assert size == f"{of.name}: 3 bodies, 4 joints; {rows}, 1 degree of freedom"

@@ -19,8 +19,8 @@ from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.mechanics.states import observed
 from engine_models.reference.engine import ReferenceEngine
+from engine_models.scene.library import ideal_free
 from engine_models.scene.scene import Scene
-from tests.engines.mechanism_texts import CRANK_SLIDER, scene
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
 #: What runs by DOP853 at 1e-12 leave of the energy in play.
@@ -39,7 +39,7 @@ GENERAL: dict[str, object] = {
 
 def base(changes: Mapping[str, object]) -> Scene:
     """Return the crank-slider in a guide of its own, with changes."""
-    return scene(CRANK_SLIDER).replace({**GENERAL, **changes})
+    return ideal_free().replace({**GENERAL, **changes})
 
 
 def ran(of: Scene, samples: int = 30) -> Trajectory:
@@ -84,7 +84,7 @@ Extra = Callable[[float, float, float, Path], float]
 
 def balance(of: Scene, at: Path) -> tuple[float, float, float]:
     """Return M, M'/2 and gravity's force on the crank's angle."""
-    tilt, (gx, gy) = of.short.slider.guide_angle_rad or 0.0 if of.short.slider else 0.0, of.gravity
+    (tilt, _), (gx, gy) = of.short.guide, of.gravity
     weight = complex(gx, gy) * cmath.exp(-1j * tilt)
     inertia = half = force = 0.0
     for body, p1, p2, a1, a2 in zip(of.mechanism.bodies, at.first, at.second, at.turn, at.bend, strict=True):
@@ -96,7 +96,7 @@ def balance(of: Scene, at: Path) -> tuple[float, float, float]:
 
 def turned(of: Scene, times: FloatArray, extra: Extra | None = None) -> FloatArray:
     """Return the crank's angles from +x at times; what is extra has kinks at ``TIMES`` of the clock."""
-    tilt, clock = of.short.slider.guide_angle_rad or 0.0 if of.short.slider else 0.0, of.clock_s
+    (tilt, _), clock = of.short.guide, of.start.time_s
 
     def rates(t: float, y: FloatArray) -> list[float]:
         angle, speed = float(y[0]), float(y[1])

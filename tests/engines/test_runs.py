@@ -132,7 +132,7 @@ def test_the_promised_tolerance_is_kept(
 
 @pytest.mark.parametrize(
     ("name", "lever", "engine", "tolerance"),
-    [("quick-return", 1.0, "reference", 1e-9), ("andrews", 0.04, "scipy", 1e-8)],
+    [("quick-return", 1.0, "reference", 1e-9), ("andrews-squeezer", 0.04, "scipy", 1e-8)],
 )
 def test_a_tolerance_of_what_a_mechanism_observes_is_kept(
     name: str, lever: float, engine: str, tolerance: float

@@ -1,15 +1,8 @@
-"""Crank-sliders: where they start, their independent solution, and some unusual ones."""
+"""Unusual crank-sliders: one that is held, and a pendulum."""
 
 import numpy as np
 
-from engine_models.mechanics.start import start_state
 from engine_models.scene.scene import Scene
-
-
-def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    q, v = start_state(scene)
-    return q.ravel(), v.ravel()
-
 
 #: A crank that is held while a load pushes the slider.
 HELD = Scene.checked(

@@ -127,11 +127,11 @@ def test_every_engine_has_its_numbers_in_the_table_under_their_heads() -> None:
         rows("reference", SLOW, impact_force_relative_error=1.0, impact_force_relative_uncertainty=2.0),
         rows("pymunk", FAST, quality_failure="energy"),
     )
-    before = found.rows.copy()
+    before = found.recorded.copy()
     lines = [[*line] for line in standings_table(found).cells().itertuples(index=False)]
     head = ["exudyn (arm)", "step_tolerance 1e-08", "4*", "–"]
     assert lines[0] == [*head, "1.0e-07", "1.0e-01", "1.2e+00", "1.0e-07", "7 of 9"]
     head = ["reference (arm)", "step_tolerance 1e-06", "6", "1.5"]
     assert lines[1] == [*head, "1.0e-06", "1.0e+00", "< 2.0e+02", "1.0e-07", "–"]
     assert lines[2] == ["pymunk", "no valid run", *["–"] * 7]
-    pd.testing.assert_frame_equal(found.rows, before)
+    pd.testing.assert_frame_equal(found.recorded, before)

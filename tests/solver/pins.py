@@ -1,9 +1,7 @@
 """A body with a pin in a fixed bearing, and runs of any mechanism from plain numbers."""
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import lambertw
 
 from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
@@ -34,17 +32,16 @@ def disc(*joints: ClearanceJoint, gravity: float = 0.0, inertia: float = INERTIA
 
 def run(
     mechanism: Mechanism,
-    q: Sequence[float],
-    v: Sequence[float],
+    q: ArrayLike,
+    v: ArrayLike,
     end_s: float,
     step: int | StepChoice | ErrorControl,
     samples: int = 10,
-    **settings: Any,
 ) -> Solution:
     """Return a run; an integer is a number of steps."""
     choice = StepChoice(end_s / step) if isinstance(step, int) else step
     start = np.array(q, dtype=float), np.array(v, dtype=float)
-    return solve(mechanism, *start, end_time_s=end_s, samples=samples, step=choice, **settings)
+    return solve(mechanism, *start, end_time_s=end_s, samples=samples, step=choice)
 
 
 def lambert(a: float) -> float:

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import DOP853
 
 from engine_models import arms
 from engine_models.engine import RunSettings
@@ -141,20 +140,6 @@ def test_weights_integrate_powers_of_time_up_to_the_order(method: Method) -> Non
         assert weights @ nodes**k == pytest.approx(1 / (k + 1), abs=1e-14), k
     for node, row in zip(method.nodes, method.matrix, strict=True):
         assert sum(row) == pytest.approx(node, abs=1e-14)
-
-
-def test_the_table_of_order_eight_is_that_of_scipys_own_solver() -> None:
-    method = dop853()
-    assert method.embedded is not None
-    for found, expected in (
-        (method.weights, DOP853.B),
-        (method.embedded.estimates, [DOP853.E5[:12], DOP853.E3[:12]]),
-        (method.embedded.nodes, DOP853.C_EXTRA),
-        (method.embedded.matrix, DOP853.A_EXTRA),
-        (method.embedded.dense, DOP853.D),
-        *((row, DOP853.A[k, :k]) for k, row in enumerate(method.matrix)),
-    ):
-        np.testing.assert_array_equal(found, expected)
 
 
 def test_powers_are_what_they_are_of_any_exponent() -> None:

@@ -6,13 +6,9 @@ from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.engines import make_engine
-from engine_models.mechanics.start import start_state
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES
 from engine_models.scene.scene import Scene
-from reference_solver.equations import Equations
-from reference_solver.mechanism.points import State, ends_of
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 
 FloatArray = NDArray[np.float64]
@@ -50,37 +46,7 @@ def test_the_interpolation_adds_nothing_to_the_ledgers_residual_as_it_falls_at_o
     assert abs(order - 4) < 0.5, f"order {order:.2f} of {sizes}"
 
 
-# Mobilities, which limit the steps of light links
-
-
-@pytest.mark.parametrize("name", ["clearance-free-OAB", "clearance-driven-damped"])
-def test_a_mobility_is_the_speed_that_a_unit_impulse_makes(name: str) -> None:
-    scene = CLEARANCE_SCENES[name]()
-    mechanism, q = mechanism_of(scene), start_state(scene)[0].ravel() + 1e-4
-    equations = Equations(mechanism, q)
-    M, B = np.diag(equations.mass), equations.constraint_matrix(q)
-    rows = len(B)
-    # [M]v - [B]^T p = the impulse, [B]v = 0: impulses of the joints solved for, none eliminated.
-    whole = np.block([[M, -B.T], [B, np.zeros((rows, rows))]])
-    found = np.reshape(equations.mobilities(q), (-1, 3))
-    for joint, mobilities in zip(mechanism.contacts, found, strict=True):
-        bearing, pin = ends_of(joint, State(q, np.zeros_like(q)))
-        n = (pin.place - bearing.place) / np.hypot(*(pin.place - bearing.place))
-        t = np.array([-n[1], n[0]])
-        for way, mobility in zip((n, None, t), mobilities, strict=True):
-            if way is None and joint.friction is None:
-                assert mobility == 0
-                continue
-            push = np.zeros(len(q) + rows)
-            radii = joint.bearing_radius_m, joint.bearing_radius_m - joint.radial_clearance_m
-            for point, sign, radius in zip((bearing, pin), (-1.0, 1.0), radii, strict=True):
-                if point.body >= 0:
-                    force = sign * (t if way is None else way)
-                    twist = point.lever[0] * force[1] - point.lever[1] * force[0]
-                    twist += sign * radius if way is None else 0.0
-                    push[3 * point.body : 3 * point.body + 3] += [*force, twist]
-            speeds = np.linalg.solve(whole, push)[: len(q)]
-            assert push[: len(q)] @ speeds == pytest.approx(mobility, rel=1e-9)
+# Light links, whose mobilities limit the steps
 
 
 def runs(

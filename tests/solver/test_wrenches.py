@@ -9,12 +9,11 @@ from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.states import lever_m
 from engine_models.minimal.forces import Forces
 from engine_models.reference.solution import mechanism_of
-from engine_models.scene.file import from_toml
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.run import CONTACT, FLIGHT
-from tests.engines.runs import fresh, run
+from tests.engines.runs import run
 from tests.scenes import scene
 
 #: Round-off of forces and accelerations, in parts of the largest.
@@ -83,31 +82,3 @@ def test_the_ground_feels_the_bodies_weights_and_inertia(name: str) -> None:
     ground, largest = ground_of(of, run), max(np.abs(force).max() for force in forces)
     close(ground[:, :2], own.sum(axis=1), largest)
     close(ground[:, 2], moment, largest * lever_m(of))
-
-
-BEAM = """
-name = "beam"
-end_time_s = 0.01
-gravity_m_s2 = 9.81
-observe = "R.x"
-ground.pins_m = { O = [0.5, 0.2] }
-guide.floor = { body = "roller", pin = "R", through_m = [0.0, 0.2] }
-load.roller = { force_N = 7.0, torque_N_m = 0.6 }
-start.angle_rad.beam = 0.0
-[body]
-beam = { pins_m = { O = 0.0, R = 2.0 }, centre_of_mass_m = 0.5, mass_kg = 4.0, inertia_kg_m2 = 1.0 }
-roller = { pins_m = { R = 0.0 }, mass_kg = 1.0, inertia_kg_m2 = 0.01 }
-"""
-
-
-def test_a_beam_rests_on_its_pin_and_its_roller_and_loads_push_back_on_the_ground() -> None:
-    """4 kg a quarter of the way to the roller of 1 kg; all that pushes on it is the ground's own."""
-    of = from_toml(BEAM)
-    run = fresh("reference", of, 1, 2)
-    g = 9.81
-    assert run.joint_force_N["O"] == pytest.approx(np.tile([-7.0, 3 * g], (3, 1)))
-    assert run.joint_force_N["R"] == pytest.approx(np.tile([-7.0, -1 * g], (3, 1)))
-    assert run.guide_force_N["floor"] == pytest.approx(np.full(3, 2 * g))
-    assert run.guide_moment_N_m["floor"] == pytest.approx(np.full(3, -0.6))
-    ground = ground_of(of, run)
-    assert ground == pytest.approx(np.tile([0.0, -5 * g, -(4 * 1.0 + 1 * 2.5) * g], (3, 1)), abs=1e-10)

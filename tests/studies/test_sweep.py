@@ -12,10 +12,7 @@ import pandas as pd
 import pytest
 
 import crankslider as cs
-from engine_models.mechanics.start import start_state
-from engine_models.minimal.closing import closed
 from engine_models.scene.file import from_toml
-from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.store import Store
 from studies.sweep import draw_values
@@ -41,12 +38,8 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*in doubt")
 # Members
 
 
-def members(clearance: str, speed: str, *draw: Any) -> dict[str, np.ndarray]:
-    return draw_values(SCENE, {CLEARANCE: clearance, SPEED: speed}, *draw)
-
-
 def test_a_grid_has_every_value_of_one_field_with_every_one_of_the_other_and_the_last_goes_fastest() -> None:
-    grid = members("10 um:1 mm:log:3", "100:300:3")
+    grid = draw_values(SCENE, {CLEARANCE: "10 um:1 mm:log:3", SPEED: "100:300:3"})
     np.testing.assert_allclose(grid[CLEARANCE], np.repeat([1e-5, 1e-4, 1e-3], 3), rtol=ROUND_OFF)
     assert grid[SPEED].tolist() == [100.0, 200.0, 300.0] * 3
 
@@ -143,17 +136,6 @@ def test_another_mechanism_is_watched_by_its_turning_body(tmp_path: Path) -> Non
     run = cs.simulate(scene.replace(CLEARANCE, 1e-4), end=end, samples=100, settings={"method": "dop853"})
     assert row["largest_contact_force_N"] == run.impacts["largest_normal_force_N"].max()
     assert 0 < row["rms_observed_deviation_m"] < row["observed_deviation_m"] < 5e-4
-
-
-def test_ideal_positions_are_those_of_the_closed_form_or_none() -> None:
-    off, scene = np.random.default_rng(1), SCENES["clearance-driven-AB"]()
-    ideal, *_ = configuration(scene, np.linspace(0.0, 20.0, 5000))  # more than are closed at a time
-    moves = 1e-3 * off.uniform(-1, 1, ideal.shape) * [1.0, 1.0, 0.0]
-    assert np.abs(closed(scene, ideal + moves, 0) - ideal).max() < ROUND_OFF
-    four_bar = from_toml(FOUR_BAR_CLEARANCE)
-    position = np.repeat(start_state(four_bar)[0][None], 2, axis=0)
-    position[1, 2, 2] = -0.5  # a rocker 0.2 rad beyond the end of its swing
-    assert np.isnan(closed(four_bar, position, 2)).any(axis=(1, 2)).tolist() == [False, True]
 
 
 # Runs

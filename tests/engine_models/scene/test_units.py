@@ -101,11 +101,3 @@ def test_files_options_and_the_library_take_units(tmp_path: Path) -> None:
     by_number = crankslider("simulate", file, "--with", f"start.crank_speed_rad_s={50 * math.pi!r}", *short)
     assert (by_text.code, by_text.stderr) == (0, "")
     assert by_text.stdout == by_number.stdout
-
-
-def test_a_table_may_have_units() -> None:
-    table = {"time_s": ["0 ms", "5 ms", 0.01, "20 ms"], "angle_rad": [0, "90 deg", "180 deg", "1 turn"]}
-    drive = {"kind": "table", "interpolation": "linear", **table}
-    changes = {"drive": drive, "start.crank_speed_rad_s": 100 * math.pi, "end_time_s": 0.02}
-    expected = drive | {"time_s": (0, 0.005, 0.01, 0.02), "angle_rad": (0, math.pi / 2, math.pi, 2 * math.pi)}
-    assert FREE.replace(changes).short.drive.model_dump(exclude_none=True) == expected

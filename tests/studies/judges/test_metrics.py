@@ -9,14 +9,14 @@ from engine_models.engine import Trajectory
 from engine_models.mechanics.samples import selected
 from engine_models.minimal.engine import SharpSolver
 from engine_models.reference.engine import SHARPEST, ReferenceEngine
-from engine_models.scene.library import ideal_driven, ideal_free
+from engine_models.scene.library import clearance, ideal_driven, ideal_free
 from engine_models.scene.scene import Scene
 from studies.judges import converged_truth
 from studies.judges.comparison import Judged, compared
 from studies.judges.converged_truth import Solved, reach
 from studies.judges.energy_ledger import constraint_speed_m_s
 from studies.judges.horizon import first_beyond_s
-from studies.judges.metrics import conserved, constraint_violation_m, errors, scales, sizes, uncertainties
+from studies.judges.metrics import constraint_violation_m, errors, scales, sizes, uncertainties
 from tests.studies.truth.closed_forms.crank_slider import exact
 
 POSITION = "slider_position_error_m"
@@ -94,20 +94,6 @@ def test_what_is_compared_ends_at_the_horizon_and_is_the_largest(driven: tuple[S
     assert both[0] == both[1], "it is the truth's"
 
 
-def test_what_is_conserved_is_judged_by_its_size(driven: tuple[Scene, Trajectory]) -> None:
-    scene, truth = driven
-    velocity = truth.velocity.copy()
-    velocity[4] *= 0.9
-    lost = 0.19 * sum(
-        mass * (x * x + y * y) / 2 + inertia * turn * turn / 2
-        for (x, y, turn), mass, inertia in zip(
-            truth.velocity[4].tolist(), (0.30, 0.21, 0.14), (1e-4, 2.5e-4, 1e-4), strict=True
-        )
-    )
-    row, _ = conserved(scene, replace(truth, velocity=velocity))
-    assert row["energy_balance_residual_J"] == pytest.approx(lost, rel=1e-9)
-
-
 def test_the_first_repeat_that_parts_by_ten_nanometres_ends_the_comparison(
     driven: tuple[Scene, Trajectory],
 ) -> None:
@@ -150,25 +136,11 @@ def test_a_body_out_of_place_is_a_violation_of_that_size_and_one_that_moves_off_
     position, velocity = truth.position.copy(), truth.velocity.copy()
     position[2, body, axis] += SHIFT
     velocity[2, body, axis] += SHIFT
-    violation = constraint_violation_m(scene, replace(truth, position=position))
+    loose = scene.replace("clearance.B", clearance(5e-4))  # where the guide alone sees the slider's y
+    violation = constraint_violation_m(loose if axis else scene, replace(truth, position=position))
     speed = constraint_speed_m_s(scene, replace(truth, velocity=velocity))
     assert [violation[2], speed[2]] == pytest.approx([SHIFT, SHIFT], rel=1e-9)
     assert violation[[0, 1, 3, 4]].max() < 1e-15
-
-
-def test_a_slider_off_its_guide_with_all_joints_closed_is_a_violation_too() -> None:
-    scene = ideal_free().model_copy(update={"end_time_s": 0.02})
-    truth = exact(scene, 4)
-    _, rod, _ = scene.crank_slider()
-    position, length = truth.position.copy(), rod.length_m
-    theta = position[2, 0, 2]
-    pin = scene.short.crank.length_m * np.array([np.cos(theta), np.sin(theta)])
-    phi = np.arcsin((SHIFT - pin[1]) / length)
-    along = np.array([np.cos(phi), np.sin(phi)])
-    position[2, 1] = [*(pin + rod.centre_of_mass_m * along), phi]
-    position[2, 2, :2] = pin + length * along
-    violation = constraint_violation_m(scene, replace(truth, position=position))
-    assert violation[2] == pytest.approx(SHIFT, rel=1e-9)
 
 
 # Contacts
