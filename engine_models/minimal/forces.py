@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine_models.engine import Contact, FloatArray, Trajectory, UnsupportedScene
+from engine_models.engine import Contact, FloatArray, UnsupportedScene
 from engine_models.mechanics.states import pin_gap, way
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Numbers
@@ -43,11 +43,6 @@ class ContactStates:
     normal_loss_W: FloatArray
     clipped_loss_W: FloatArray
     friction_loss_W: FloatArray
-
-    @property
-    def force_N(self) -> FloatArray:
-        """The force on the pin, (n, 2)."""
-        return force_on_pin(self)
 
 
 @dataclass(frozen=True)
@@ -178,7 +173,7 @@ class Forces(Numbers):
                 phases[:, k, 1] = wall[eq.A] / np.maximum(approach_m_s[pin.name], wall[eq.SLOWEST])
         F = np.empty((n, 3 * bodies))
         told, powers = np.empty((n, len(self.told))), np.empty((n, len(self.sums) + 1))
-        eq.act(self.p, time_s, _flat(position), _flat(velocity), phases, F, told, powers)
+        eq.act(self.p, time_s, flat(position), flat(velocity), phases, F, told, powers)
         at, place, states = eq.OF_CONTACT * len(loose), eq.OF_SUMS * len(loose), dict[str, ContactStates]()
         for k, pin in enumerate(loose):
             gap, c = pin_gap(pin, position, np.zeros_like(position)).gap_m, self.contacts[k, eq.C]
@@ -205,8 +200,8 @@ class Forces(Numbers):
         ``contacts`` has what the joints with clearance do then.
         """
         acting = self.act(time_s, position, velocity, contacts)
-        B, masses = self.look(0.0, _flat(position))[0], self.masses.ravel()
-        missing = _flat(acceleration) - _flat(acting.on_bodies) / masses
+        B, masses = self.look(0.0, flat(position))[0], self.masses.ravel()
+        missing = flat(acceleration) - flat(acting.on_bodies) / masses
         multipliers = solve_systems(B / masses @ B.swapaxes(1, 2), B @ missing[..., None])
         return reactions_of(self.of, multipliers, contacts, acting.parts.get("driver"))
 
@@ -233,48 +228,22 @@ class Forces(Numbers):
             works[short] = exact[name] if name in exact else integrated[short]
         return works
 
-    def accelerations(self, run: Trajectory) -> FloatArray:
-        """Return the accelerations (n, bodies, 3) that all forces of a run give to its bodies."""
-        acting, of = self.act(run.time_s, run.position, run.velocity, run.contacts).on_bodies, self.of
-        rows = [axis for pin in of.ideal for axis in run.joint_force_N[pin.name].T]
-        for guide in of.guides:
-            rows.append(run.guide_force_N[guide.name])
-            if not guide.turns:
-                rows.append(run.guide_moment_N_m.get(guide.name, np.zeros(len(acting))))
-        if of.drive.prescribes and run.driver_torque_N_m is not None:
-            rows.append(run.driver_torque_N_m)
-        multipliers, B = np.reshape(rows, (self.rows, len(acting))), self.look(0.0, _flat(run.position))[0]
-        reactions = np.einsum("mn,nmk->nk", multipliers, B).reshape(acting.shape)
-        return np.asarray((acting + reactions) / self.masses)
-
-    def on_ground(self, run: Trajectory, acceleration: FloatArray) -> FloatArray:
-        """Return force and torque about the origin (n, 3) on the ground: what weight and inertia leave."""
-        own = self.masses * (np.array([*self.of.gravity_m_s2, 0.0]) - acceleration)
-        own[..., 2] += run.position[..., 0] * own[..., 1] - run.position[..., 1] * own[..., 0]
-        return np.asarray(own.sum(axis=1))
-
 
 def _damping_of(law: str, e: float) -> float:
     """Return the factor a of a law; a law that somebody adds is known to the reference alone."""
     return DAMPING_FACTORS[law](e) if law in DAMPING_FACTORS else 0.0
 
 
-def _flat(states: FloatArray) -> FloatArray:
+def flat(states: FloatArray) -> FloatArray:
+    """Return states (n, bodies, 3) as (n, 3b)."""
     return np.ascontiguousarray(
         states.reshape(len(states), np.prod(states.shape[1:], dtype=int)), dtype=np.float64
     )
 
 
-def solve_systems(
-    matrix: FloatArray, right: FloatArray, singular: bool = False, zero: float = ZERO
-) -> FloatArray:
-    """Return the solutions (n, m) of n systems, of ``singular`` ones the shortest.
-
-    Singular values are 0 below the part ``zero`` of the largest.
-    """
-    if not singular:
-        try:
-            return np.asarray(np.linalg.solve(matrix, right)[..., 0])
-        except np.linalg.LinAlgError:
-            pass
-    return np.asarray((np.linalg.pinv(matrix, zero, hermitian=True) @ right)[..., 0])
+def solve_systems(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solutions (n, m) of n systems, the shortest where one is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right)[..., 0])
+    except np.linalg.LinAlgError:
+        return np.asarray((np.linalg.pinv(matrix, ZERO, hermitian=True) @ right)[..., 0])
