@@ -63,22 +63,19 @@ class ScipyEngine(Engine):
         """Return the engine with a tenth of its tolerances."""
         return replace(self, rtol=max(self.rtol / 10, SHARPEST), atol=self.atol / 10)
 
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        """Run the scene; ``steps`` counts the accepted ones.
+    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
+        """Return the same steps with nothing recorded but the end."""
+        run = self.simulate(scene, replace(settings, samples=1, at_s=()), bare=True)
+        return BareRun(run.solve_time_s, run.position[-1])
+
+    def simulate(self, scene: Scene, settings: RunSettings, bare: bool = False) -> Trajectory:
+        """Run the scene; ``steps`` counts the accepted ones. Of ``bare`` runs impacts have no largest force.
 
         Raises:
             UnsupportedScene: see ``check``.
             SimulationFailed: SciPy gives up or warns, a singular position, too many evaluations, or a pin
                 that is to follow a rigid wall.
         """
-        return self._solved(scene, settings)
-
-    def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
-        """Return the same steps with nothing recorded but the end."""
-        run = self._solved(scene, replace(settings, samples=1, at_s=()), bare=True)
-        return BareRun(run.solve_time_s, run.position[-1])
-
-    def _solved(self, scene: Scene, settings: RunSettings, bare: bool = False) -> Trajectory:
         self.check(scene)
         require_memory(scene, settings)
         longest_s = min(settings.step_s, scene.end_time_s)
@@ -101,9 +98,7 @@ class SharpSolver:
 
         Raises:
             UnsupportedScene: a law is not known here.
-            AdapterCannot: a pin follows a rigid wall, or rubs on it; loops are singular.
-            LimitPosition: what is driven cannot go on.
-            SimulationFailed: steps would be too many or too short.
+            SimulationFailed: a pin follows a rigid wall, or rubs on it; a position is singular.
         """
         return solve(scene, settings, self.choice)
 

@@ -215,26 +215,23 @@ class Numbers:
     def _parts(self) -> Iterator[tuple[str, list[float]]]:
         """Yield the parts of loads by name."""
         for load in self.of.loads:
-            along, turn = [eq.LINE, *_line(load.line)] if load.line else [], _turn(load.body)
+            along, turn = (
+                [eq.LINE, *_line(load.line)] if load.line else [],
+                [eq.TURN, *GROUND, load.body, 0.0, 0.0, 0.0],
+            )
             gas, angle = load.gas, -1 if load.gas is None else 3 * load.gas.body + 2
             by_angle = {eq.BY_ANGLE: self._over(angle, gas.table), eq.OF_BODY: gas.body} if gas else {}
+            spring = {eq.SPRING: load.spring_N_m, eq.FREE: load.free_position_m}
+            force, turning = load.force_by_time, load.torque_by_time
             parts = {
                 "force": (load.force_N, along, {eq.CONSTANT: load.force_N}),
                 "viscous": (load.viscous_N_s_m, along, {eq.DAMPER: load.viscous_N_s_m}),
-                "spring": (
-                    load.spring_N_m,
-                    along,
-                    {eq.SPRING: load.spring_N_m, eq.FREE: load.free_position_m},
-                ),
+                "spring": (load.spring_N_m, along, spring),
                 "gas": (gas, along, by_angle),
-                "by_time": (load.force_by_time, along, {eq.BY_TIME: self._over_time(load.force_by_time)}),
+                "by_time": (force, along, {eq.BY_TIME: self._over_time(force)}),
                 "torque": (load.torque_N_m, turn, {eq.CONSTANT: load.torque_N_m}),
                 "turning_viscous": (load.viscous_N_m_s, turn, {eq.DAMPER: load.viscous_N_m_s}),
-                "torque_by_time": (
-                    load.torque_by_time,
-                    turn,
-                    {eq.BY_TIME: self._over_time(load.torque_by_time)},
-                ),
+                "torque_by_time": (turning, turn, {eq.BY_TIME: self._over_time(turning)}),
             }
             for part, (acts, ends, numbers) in parts.items():
                 if acts:
@@ -243,7 +240,8 @@ class Numbers:
             ends = [eq.PULL, s.body_i, *s.point_i, s.body_j, *s.point_j, 0.0]
             pull = {eq.DAMPER: s.damping_N_s_m, eq.SPRING: s.stiffness_N_m, eq.FREE: s.free_length_m}
             yield f"spring:{s.name}", _part(ends, pull)
-        turn, rate = _turn(self.of.drive.body), self.size + 3 * self.of.drive.body + 2
+        body, rate = self.of.drive.body, self.size + 3 * self.of.drive.body + 2
+        turn = [eq.TURN, *GROUND, body, 0.0, 0.0, 0.0]
         match self.of.drive.law:
             case data.Torque(data.Table() as table):
                 yield "driver", _part(turn, {eq.BY_TIME: self._over_time(table)})
@@ -280,11 +278,7 @@ class Numbers:
 class Model(Numbers):
     """y' = f(t, y), y = (q, v, sums), of a scene's mechanism, in the present phases of its contacts.
 
-    ``start`` (state,) is the state at t = 0.
-
-    Raises:
-        SimulationFailed: the start is singular.
-        UnsupportedScene: a contact has a law that is not known here.
+    ``start`` (state,) is the state at t = 0. Raises SimulationFailed where that is singular.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -304,16 +298,10 @@ class Model(Numbers):
         return out
 
     def closed(self, t: float, y: FloatArray) -> FloatArray:
-        """Return a state near y that closes all rows, after a choice of the coordinates that depend there.
-
-        Raises:
-            SimulationFailed: the position is singular.
-        """
+        """Return a state near y that closes all rows, after a choice of the coordinates that depend there."""
         y, size = y.copy(), self.size
         q, v = y[:size], y[size : 2 * size]
-        B, *_ = self.look(t, q, v)
-        m = len(B)
-        dependent = self.choose(t, B)
+        m, dependent = self.rows, self.choose(t, self.look(t, q, v)[0])
         for _ in range(STEPS if m else 0):
             B, g, *_ = self.look(t, q, v)
             change = np.linalg.solve(B[:, dependent], g)
@@ -357,11 +345,6 @@ class Model(Numbers):
 def _line(line: data.Line) -> list[float]:
     """Return a line: body and point of i and of j, and its angle."""
     return [line.body_i, *line.point_i, line.body_j, *line.point_j, line.angle_rad]
-
-
-def _turn(body: int) -> list[float]:
-    """Return the kind and the ends of a torque on a body."""
-    return [eq.TURN, *GROUND, body, 0.0, 0.0, 0.0]
 
 
 def _part(ends: list[float], numbers: Mapping[int, float]) -> list[float]:

@@ -7,7 +7,7 @@ It is looked for in every step, on the solver's interpolant.
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any, NamedTuple, Protocol
 
@@ -54,7 +54,8 @@ PAUSE, OUTLASTING = 10_000, 300_000
 ASIDE = 1e-6
 #: Most corrections of a located event, and the part of the step that slopes are taken over.
 CORRECTIONS, DIFFERENCE = 3, 1e-3
-#: Gives the interpolant of the last step.
+#: When which contact or table has which signal come to be positive; and what gives a step's interpolant.
+Event = tuple[float, int, int]
 Course = Callable[[], Callable[[float], FloatArray]]
 
 
@@ -76,22 +77,13 @@ class Choice:
     bare: bool = False
 
 
-class Event(NamedTuple):
-    """When which signal of which contact or table has come to be positive."""
-
-    time_s: float
-    number: int
-    kind: int
-
-
-@dataclass
-class Touch:
+class Touch(NamedTuple):
     """The begin of a contact: time, speed and sums, and (time, force, depth) since."""
 
     time_s: float
     speed_m_s: float
     sums: FloatArray
-    trace: list[tuple[float, float, float]] = field(default_factory=list)
+    trace: list[tuple[float, float, float]]
 
 
 class Run:
@@ -237,7 +229,7 @@ class Run:
                 end = _zero(partial(at, TURN), begin, end)
                 past = at(kind, end) > 0.0
             if past:
-                events.append(Event(_zero(partial(at, kind), t, end), number, kind))
+                events.append((_zero(partial(at, kind), t, end), number, kind))
         return min(events, default=None)
 
     def _signal_at(self, course: Course, number: int, kind: int, t: float) -> float:
@@ -304,8 +296,8 @@ class Run:
     def _answer(self, event: Event | None) -> None:
         """Answer an event, and others that are due with it."""
         model, self._levels = self.model, {}
-        if event is not None and event.kind < 0:
-            self._pieces[event.number] += 1 if event.kind == ON else -1
+        if event is not None and event[2] < 0:
+            self._pieces[event[1]] += 1 if event[2] == ON else -1
         model(self.t, self.y)
         for k in range(len(model.phases)):
             for kind in self._kinds(k):
@@ -344,7 +336,7 @@ class Run:
         model, wall = self.model, self.model.contacts[k]
         speed = float(model.contacts_told[k, eq.RATE] * wall[eq.C] / (wall[eq.C] + self._depth(k)))
         model.phases[k] = PUSHED, wall[eq.A] / max(speed, wall[eq.SLOWEST]), 0.0
-        self._touches[k] = Touch(self.t, speed, self._sums(k))
+        self._touches[k] = Touch(self.t, speed, self._sums(k), [])
         model(self.t, self.y)
         if len(self._kinds(k)) > 1 and model.contacts_told[k, eq.SHARE] < 0.0:  # begun on its way out
             self._clip(self.y, k, 1.0)
