@@ -31,6 +31,7 @@ OF_MINIMAL = (
     "engine_models.engine.",
     "engine_models.mechanics.impacts.",
     "engine_models.mechanics.states.",
+    "engine_models.mechanics.trajectory.",
     "engine_models.memory.",
     "engine_models.minimal.",
     "engine_models.pace.",

@@ -26,9 +26,9 @@ from engine_models.engine import (
 )
 from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.states import pin_gap
+from engine_models.mechanics.trajectory import reactions_of
 from engine_models.minimal import equations as eq
 from engine_models.minimal.equations import CLIPPED, FLIGHT, PUSHED
-from engine_models.minimal.forces import reactions_of
 from engine_models.minimal.model import STEEP, Model, Numbers
 from engine_models.minimal.rigid import settle
 from engine_models.pace import Pace

@@ -47,19 +47,19 @@ def mechanism_data(scene: Sections) -> data.MechanismData:
     def end(name: str, pin: str) -> tuple[int, Point]:
         return number_of(scene, name), point_of(scene, name, pin)
 
-    bodies = tuple(data.BodyData(name, body.mass_kg, body.inertia_kg_m2) for name, body in scene.body.items())
+    bodies = tuple(data.Body(body.mass_kg, body.inertia_kg_m2, name) for name, body in scene.body.items())
     guides = tuple(
-        data.Guide(*place(it.on, it.through_m), it.angle_rad, *end(it.body, it.pin), name, it.turns)
+        data.Guide(*place(it.on, it.through_m), *end(it.body, it.pin), it.angle_rad, name, it.turns)
         for name, it in scene.guide.items()
     )
     springs = tuple(
         data.Spring(
-            name,
             *end(*it.between[0].split(".")),
             *end(*it.between[1].split(".")),
             it.stiffness_N_m,
-            it.free_length_m,
             it.damping_N_s_m,
+            it.free_length_m,
+            name,
         )
         for name, it in scene.spring.items()
     )
@@ -75,13 +75,13 @@ def _pins(scene: Sections) -> Iterator[data.Pin]:
             name, room = pin if len(others) == 1 else f"{pin}.{other}", scene.clearance.get(pin)
             i, j = ((number_of(scene, each), point_of(scene, each, pin)) for each in (first, other))
             on_j = room is not None and room.bearing == other
-            yield data.Pin(name, *i, *j, None if room is None else room.data(), on_j)
+            yield data.Pin(*i, *j, name, None if room is None else room.data(), on_j)
 
 
 def _load(scene: Sections, name: str, load: Load, guides: tuple[data.Guide, ...]) -> data.Load:
     body, gas, line, by_time = number_of(scene, name), None, None, load.by_time
     if load.has_forces:  # along a guide of the body, or along a line through its centre of mass
-        fixed = data.Line(GROUND, (0.0, 0.0), load.along_rad or 0.0, body, (0.0, 0.0))
+        fixed = data.Line(GROUND, (0.0, 0.0), body, (0.0, 0.0), load.along_rad or 0.0)
         own = (guide for guide in guides if guide.body_j == body and load.guide in (None, guide.name))
         line = next(own, fixed)
     if load.gas is not None:
@@ -101,9 +101,7 @@ def _load(scene: Sections, name: str, load: Load, guides: tuple[data.Guide, ...]
     )
 
 
-def _drive(
-    scene: Sections, bodies: tuple[data.BodyData, ...], guides: tuple[data.Guide, ...]
-) -> data.DriveData:
+def _drive(scene: Sections, bodies: tuple[data.Body, ...], guides: tuple[data.Guide, ...]) -> data.DriveData:
     """Return the drive; the speed at the start is that told of what is driven, or that of a given state."""
     name, start, guide = scene.driven, scene.start, None
     if scene.drive.guide is not None:
