@@ -8,7 +8,9 @@ import numpy as np
 from reference_solver.energy import created_J, in_play_J
 from reference_solver.equations import Equations
 from reference_solver.failures import DriftAmplified, EnergyNotConserved
-from reference_solver.mechanism.mechanism import GROUND, Ends, Load, Mechanism, TurningDamper
+from reference_solver.mechanism.data import GROUND, Ends
+from reference_solver.mechanism.loads import Load, TurningDamper
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.scales import Scales, rate_of
 from reference_solver.methods import RK4
 from reference_solver.solution import Solution

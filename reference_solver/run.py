@@ -6,14 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference_solver.mechanism.contact_laws import RigidWall, steepest
-from reference_solver.mechanism.mechanism import ClearanceJoint
+from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall, steepest
 from reference_solver.methods import Method, dop853, tableau
 from reference_solver.tape import FloatArray, RecordArray
-
-#: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
-#: clipped because the law would pull.
-FLIGHT, CONTACT, CLIPPED = 0.0, 1.0, 2.0
 
 #: How ``loop.advance`` ends: at the end, with its budget of steps used, with the log full, at a step that met
 #: a singular configuration or overflowed, or at an event on a rigid wall that ``impacts`` is to resolve.
@@ -58,7 +53,7 @@ class Gap(NamedTuple):
 
 GAP_FIELDS = len(Gap._fields)
 
-#: A contact. Its state: phase and memory (see ``mechanism.contact_laws``), the time of its touch, the
+#: A contact. Its state: phase and memory (see ``mechanism.contacts``), the time of its touch, the
 #: duration expected then, and its ``Equations.mobilities`` when last looked up. Its law: radial clearance,
 #: stiffness, exponent, damping factor, minimum impact speed, steepest slope of friction in s/m, whether the
 #: force is clipped, and restitution. Of a rigid wall: that it is one, the round-off of g and of its rate, and
@@ -136,7 +131,7 @@ class Impact(NamedTuple):
     ``kind``: a "contact" with a compliant wall; an "impact" with a rigid one's restitution; a "closing"
     without rebound, after which the pin follows it; a "support", passed on by a pin that followed its wall
     when another hit. The approach speed and the impulse along n are positive, the latter pushing the pin
-    inwards; the tangential one is on the pin along t (see ``contact_forces``). ``energy_lost_J`` is this
+    inwards; the tangential one is on the pin along t (see ``contacts``). ``energy_lost_J`` is this
     contact's part, friction's included; ``effective_mass_kg`` is its own on a rigid wall. What a compliant
     contact does not tell is NaN; so are, of a rigid wall, the largest normal force and penetration, and their
     times.

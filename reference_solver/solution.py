@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.run import FLIGHT, REBOUND, RELEASE, SUPPORT, Impact
+from reference_solver.run import REBOUND, RELEASE, SUPPORT, Impact
 from reference_solver.tape import FloatArray, RecordArray
 
-#: What a contact dissipates by (see ``contact_forces.rates_of``).
+#: What a contact dissipates by (see ``contacts.rates_of``).
 LOSSES = ("loss", "clip", "slide", "impact", "closing")
 #: What an event that ends a contact tells of it.
 ENDED = ["time_s", "contact", "what", "approach", "impulse", "lost", "mass", "began_s"]

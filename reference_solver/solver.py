@@ -9,20 +9,17 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from reference_solver import failures
-from reference_solver.checks import POSITIVE, is_count, is_number, require, require_positive, require_vector
-from reference_solver.contact_forces import separation
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.guard import Guard
 from reference_solver.impacts import Impacts
+from reference_solver.mechanism.contacts import CONTACT, FLIGHT, separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853, dopri5, step
 from reference_solver.run import (
-    CONTACT,
     DONE,
     FAILED,
-    FLIGHT,
     FULL,
     OLD,
     REBOUND,
@@ -81,10 +78,6 @@ class StepChoice:
     closing_flight_fraction: float = 1e-3
     lowest_flight: float | None = None
 
-    def __post_init__(self) -> None:
-        require_positive(self, "longest_s", "steps_per_contact", "closing_flight_fraction")
-        require_flight("StepChoice", self.lowest_flight)
-
     def at(self, longest_s: float) -> "StepChoice":
         """Return both rates in proportion, at another longest step."""
         per_contact = self.steps_per_contact * self.longest_s / longest_s
@@ -110,15 +103,6 @@ class ErrorControl:
     method: Literal["dop853", "dopri5"] = "dop853"
     lowest_flight: float | None = None
 
-    def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise ValueError(f"ErrorControl.method: expected dop853 or dopri5, got {self.method!r}")
-        tolerance, longest = self.tolerance, self.longest_s
-        valid, wanted = is_number(tolerance) and 0 < tolerance < 1, "a finite number > 0 and < 1"
-        require("ErrorControl.tolerance", tolerance, valid, wanted)
-        require("ErrorControl.longest_s", longest, longest > 0, "a number > 0")
-        require_flight("ErrorControl", self.lowest_flight)
-
 
 def nobody(_: float) -> None:
     """Tell nobody how far a run has come."""
@@ -142,13 +126,11 @@ def solve(
     samples' interval. Steps end where prescribed motions, and loads by a body's angle, are not smooth.
 
     Raises:
-        ValueError: one of these is out of range, or walls are rigid without projection or located events.
         InconsistentStart: q or v violate the constraints, or a pin is outside a rigid bearing.
         SolverError: a step or an impact failed; it says which and when.
     """
-    require_run(end_time_s, samples)
     choice = step if isinstance(step, StepChoice | ErrorControl) else StepChoice(step)
-    q, v = (require_vector(name, x, 3 * len(mechanism.bodies)) for name, x in (("q", q), ("v", v)))
+    q, v = np.array(q, dtype=float), np.array(v, dtype=float)
     check_start(mechanism, q, v)
     return Solver(mechanism, q, choice, stabilisation).run(q, v, end_time_s, samples)
 
@@ -168,17 +150,10 @@ class Solver:
         stabilisation: Stabilisation = "projection",
     ) -> None:
         self._mechanism, self._choice, self._joints = mechanism, choice, mechanism.contacts
-        valid = stabilisation in ("none", "projection") or isinstance(stabilisation, Baumgarte)
-        require("stabilisation", stabilisation, valid, "none, projection or Baumgarte's gains")
         self._rigid = any(joint.rigid for joint in self._joints)
-        located = isinstance(choice, ErrorControl) or choice.locate_events
-        if self._rigid and not (stabilisation == "projection" and located):
-            raise ValueError(
-                "rigid walls: expected stabilisation = projection and located events, got others"
-            )
         self._baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
         self._projected = stabilisation == "projection"
-        self._q_start = require_vector("q_start", q_start, 3 * len(mechanism.bodies))
+        self._q_start = q_start
         self._equations = Equations(mechanism, self._q_start, self._baumgarte)
         self._names = [*self._equations.power_names, "removed"]
         self._method = METHODS[choice.method]() if isinstance(choice, ErrorControl) else RK4
@@ -274,7 +249,6 @@ class Solver:
         ``tell`` is called now and then with the time reached. With contacts ``times_s`` (s,), in order from 0
         to the end, may be those of the samples.
         """
-        require_run(end_time_s, samples)
         times = np.linspace(0.0, end_time_s, samples + 1) if times_s is None else times_s
         run = self._new(q, v, times, end_time_s, end_time_s / samples)
         (state,), events = run.state, list[RecordArray]()
@@ -368,18 +342,6 @@ class Solver:
             solve_time_s=took_s,
             condition=float(run.state["condition"][0]),
         )
-
-
-def require_flight(part: str, lowest: float | None) -> None:
-    """Raise ValueError unless a lowest flight is none, or one that round-off does not hide."""
-    valid = lowest is None or (is_number(lowest) and lowest >= LOWEST_FLIGHT)
-    require(f"{part}.lowest_flight", lowest, valid, f"a finite number >= {LOWEST_FLIGHT:g} or None")
-
-
-def require_run(end_time_s: float, samples: int) -> None:
-    """Raise ValueError unless a run has an end and samples."""
-    require("end_time_s", end_time_s, is_number(end_time_s) and end_time_s > 0, POSITIVE)
-    require("samples", samples, is_count(samples), "an integer >= 1")
 
 
 def check_start(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> None:

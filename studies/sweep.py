@@ -242,7 +242,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     longest_s = scene.end_time_s if columns["step"] is None else float(str(columns["step"]))
     with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
         run = engine.simulate(scene, RunSettings(min(longest_s, scene.end_time_s), samples))
-        warnings = doubts(engine, scene, run, to_tolerance=False)
+        warnings = doubts(engine, scene, run, None)
     numbers = {**quality_of(scene, run).parts(), **summary(scene, run, transient, revolutions)}
     known = {name: value for name, value in numbers.items() if math.isfinite(value)}
     return {"warnings": "; ".join(warnings), **known}, {}

@@ -97,12 +97,6 @@ class ReferenceEngine(Engine):
             return self
         return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
 
-    def finer(self) -> "ReferenceEngine":
-        """Return the engine that a run is held against to see whether it has converged."""
-        if self.method == "rk4":
-            return replace(self, steps_per_contact=2 * self.steps_per_contact)
-        return replace(self, step_tolerance=max(self.step_tolerance / 100, SHARPEST))
-
     @property
     def order(self) -> float | None:
         """RK4's, None with a tolerance."""

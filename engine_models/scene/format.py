@@ -18,9 +18,9 @@ from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, 
 from engine_models.scene.tables import BadFile, read_columns
 from engine_models.scene.units import in_own_units
 from reference_solver.mechanism import data
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, NORMAL_LAWS
-from reference_solver.mechanism.curves import curve_of
+from reference_solver.mechanism.contacts import DAMPING_FACTORS, NORMAL_LAWS
 from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Interpolation
+from reference_solver.mechanism.motions import curve_of
 
 Value = TypeVar("Value")
 Kind = TypeVar("Kind", bound="SceneData")
@@ -322,7 +322,9 @@ class Clearance(SceneData):
 
     def data(self) -> data.ClearanceData:
         """Return the clearance as data of the mechanism."""
-        friction = None if self.friction is None else data.FrictionData(**self.friction.model_dump())
+        friction = (
+            None if self.friction is None else data.FrictionLaw(**self.friction.model_dump(exclude_none=True))
+        )
         return data.ClearanceData(**self.model_dump(exclude={"friction", "bearing"}), friction=friction)
 
 

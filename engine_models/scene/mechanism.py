@@ -41,7 +41,7 @@ def pins_of(scene: Sections) -> dict[str, list[str]]:
 
 def mechanism_data(scene: Sections) -> data.MechanismData:
     """Return the mechanism by names of a scene whose parts fit each other."""
-    bodies = tuple(data.BodyData(name, body.mass_kg, body.inertia_kg_m2) for name, body in scene.body.items())
+    bodies = tuple(data.Body(body.mass_kg, body.inertia_kg_m2, name) for name, body in scene.body.items())
     guides = tuple(_guide(scene, name, guide) for name, guide in scene.guide.items())
     springs = tuple(_spring(scene, name, spring) for name, spring in scene.spring.items())
     loads = tuple(_load(scene, name, load, guides) for name, load in scene.load.items())
@@ -60,24 +60,24 @@ def _pins(scene: Sections) -> Iterator[data.Pin]:
             name, room = pin if len(others) == 1 else f"{pin}.{other}", scene.clearance.get(pin)
             ends = *_end(scene, first, pin), *_end(scene, other, pin)
             on_j = room is not None and room.bearing == other
-            yield data.Pin(name, *ends, None if room is None else room.data(), on_j)
+            yield data.Pin(*ends, name, None if room is None else room.data(), on_j)
 
 
 def _guide(scene: Sections, name: str, guide: Guide) -> data.Guide:
     through = number_of(scene, guide.on), _from_centre(scene, guide.on, guide.through_m)
-    return data.Guide(*through, guide.angle_rad, *_end(scene, guide.body, guide.pin), name, guide.turns)
+    return data.Guide(*through, *_end(scene, guide.body, guide.pin), guide.angle_rad, name, guide.turns)
 
 
 def _spring(scene: Sections, name: str, spring: Spring) -> data.Spring:
     i, j = (_end(scene, *end.split(".")) for end in spring.between)
-    return data.Spring(name, *i, *j, spring.stiffness_N_m, spring.free_length_m, spring.damping_N_s_m)
+    return data.Spring(*i, *j, spring.stiffness_N_m, spring.damping_N_s_m, spring.free_length_m, name)
 
 
 def _load(scene: Sections, name: str, load: Load, guides: tuple[data.Guide, ...]) -> data.Load:
     """Return a load: its forces act along a guide of the body, or along a line through its centre of mass."""
     body, fixed = number_of(scene, name), None
     if load.has_forces:
-        fixed = data.Line(GROUND, (0.0, 0.0), load.along_rad or 0.0, number_of(scene, name), (0.0, 0.0))
+        fixed = data.Line(GROUND, (0.0, 0.0), body, (0.0, 0.0), load.along_rad or 0.0)
     own = (it for it in guides if fixed and it.body_j == body and load.guide in (None, it.name))
     gas, by_time = load.gas, load.by_time
     return data.Load(
@@ -95,9 +95,7 @@ def _load(scene: Sections, name: str, load: Load, guides: tuple[data.Guide, ...]
     )
 
 
-def _drive(
-    scene: Sections, bodies: tuple[data.BodyData, ...], guides: tuple[data.Guide, ...]
-) -> data.DriveData:
+def _drive(scene: Sections, bodies: tuple[data.Body, ...], guides: tuple[data.Guide, ...]) -> data.DriveData:
     """Return the drive; the speed at the start is that told of what is driven, or that of a given state."""
     name, start, guide = scene.driven, scene.start, None
     if scene.drive.guide is not None:

@@ -7,8 +7,8 @@ import numpy as np
 from engine_models.scene.format import Sections, TableDrive, require
 from engine_models.scene.mechanism import state_of
 from engine_models.scene.short import CrankSlider
-from reference_solver.mechanism.curves import curve_of
-from reference_solver.mechanism.data import DriveData, MechanismData
+from reference_solver.mechanism.data import DriveData, MechanismData, Motion
+from reference_solver.mechanism.motions import curve_of
 from reference_solver.tape import FloatArray
 
 if TYPE_CHECKING:
@@ -169,8 +169,7 @@ def held_at_start(scene: Sections) -> tuple[str, ...]:
 
 def _speed_of(drive: DriveData) -> float:
     """Return the speed that a drive prescribes as a run begins, in rad/s or m/s."""
-    from reference_solver.mechanism.building import motion_of
-    from reference_solver.mechanism.motions import MOTIONS
+    from reference_solver.mechanism.motions import going_on, moved
 
-    motion = motion_of(drive)
-    return float(MOTIONS[type(motion)](motion, 0.0)[1])
+    assert isinstance(drive.law, Motion)
+    return float(moved(going_on(drive.law, drive.clock_s), 0.0)[1])

@@ -12,9 +12,8 @@ from engine_models.scene.format import Drive, FluctuatingDrive, FreeDrive, RampD
 from engine_models.scene.library import ideal_compressor, ideal_driven
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankGas, CrankLoad
-from reference_solver.mechanism.building import pieces_of
-from reference_solver.mechanism.motions import MOTIONS, Course, Fluctuation, Ramp, Steady
-from reference_solver.mechanism.tables import PiecewiseCubic
+from reference_solver.mechanism.data import ConstantSpeed, Course, Fluctuation, Motion, Ramp
+from reference_solver.mechanism.motions import PiecewiseCubic, moved, pieces_of
 from tests.engines.runs import errors
 from tests.helpers.orders import slope
 from tests.studies.truth.closed_forms.crank_slider import exact
@@ -69,14 +68,14 @@ def test_motions_are_integral_and_derivative_of_their_speeds() -> None:
     rows = (0.0, 0.0, 2.0, 0.5, -1.0, 0.7, 0.7 * (2.0 + 0.7 * (0.5 - 0.7)), 1.0, -1.0, 2.0)
     ramps = Ramp(3.0, -5.0, 0.4), Ramp(0.0, 5.0, 0.4, -0.1)
     nodes, weights = leggauss(12)
-    for motion in (Steady(3.0), *ramps, Fluctuation(3.0, 2.0, 7.0, 0.4), Course(PiecewiseCubic(rows))):
-        turn = MOTIONS[type(motion)]
+    others: tuple[Motion, ...] = (Fluctuation(3.0, 2.0, 7.0, 0.4), Course(PiecewiseCubic(rows)))
+    for motion in (ConstantSpeed(3.0), *ramps, *others):
         for begin, end in ((0.0, 0.2), (0.25, 0.29), (0.5, 0.65)):
             half = (end - begin) / 2
-            within = np.array([turn(motion, begin + half * (1 + node)) for node in nodes])
-            gained = np.subtract(turn(motion, end), turn(motion, begin))[:2]
+            within = np.array([moved(motion, begin + half * (1 + node)) for node in nodes])
+            gained = np.subtract(moved(motion, end), moved(motion, begin))[:2]
             assert gained == pytest.approx(half * (weights @ within[:, 1:]), rel=1e-12, abs=1e-13)
-        assert turn(motion, 0.0)[0] == 0
+        assert moved(motion, 0.0)[0] == 0
 
 
 # Drives whose speed changes within a step

@@ -16,7 +16,7 @@ from reference_solver.energy import ledger_J
 from reference_solver.factorisation import Factors
 from reference_solver.failures import EnergyNotConserved, SingularConfiguration
 from reference_solver.guard import Guard
-from reference_solver.mechanism.mechanism import Body
+from reference_solver.mechanism.data import Body
 from reference_solver.mechanism.scales import Scales
 from reference_solver.solver import StepChoice, solve
 from tests.helpers.kernels import CASES, VARIANTS
