@@ -41,6 +41,9 @@ Phases = Array | None
 PIVOT_TOLERANCE_PER_ROW = 64 * float(np.finfo(float).eps)
 #: Share of a constraint in a dependence of rows, a square, from which on it takes part.
 INVOLVED = 1e-6
+#: Constraints are closed, in m and rad; steps of Newton's method for it; how often a driven mechanism's limit
+#: is tried for, and to which part of the time it is told.
+CLOSED, NEWTON_STEPS, MOST_TRIALS, RESOLVED = 1e-9, 8, 500, 1e-9
 #: Part of the largest mass, and of the largest inertia, from which down a body is light.
 LIGHT = 1e-4
 
@@ -319,7 +322,38 @@ class Equations:
         tolerance = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
         depend = left[:, values <= max(tolerance, values[-1])]
         names = self._names_of((depend**2).sum(axis=1) > INVOLVED)
-        raise SingularConfiguration(int((values > tolerance).sum()), len(scaled), t, q, names)
+        raise SingularConfiguration(int((values > tolerance).sum()), len(scaled), t, names)
+
+    def limit_s(self, times_s: FloatArray, q: FloatArray, taken: int) -> float | None:
+        """Return when a driven mechanism without freedom comes to where it cannot follow; None if it can.
+
+        The constraints are closed on and on in time, from the last of the ``taken`` samples, at times (s,)
+        with coordinates (s, n), at which they are closed: by Newton's method, with ever shorter steps.
+        """
+        if len(self.C) != self.n or not self.mechanism.prescribed or taken == 0:
+            return None
+        last = taken - 1
+        while last > 0 and not np.abs(self.violation(times_s[last], q[last])).max() < CLOSED:
+            last //= 2
+        t, place, step = float(times_s[last]), q[last], float(times_s[1] - times_s[0])
+        end = float(times_s[min(taken, len(times_s) - 1)])
+        for _ in range(MOST_TRIALS):
+            if t >= end:
+                return None
+            if step < RESOLVED * end:
+                return t
+            change = np.linalg.lstsq(self.constraint_matrix(place), step * self.speeds(t), rcond=None)[0]
+            new, far = place + change, np.abs(change).max()
+            for _ in range(NEWTON_STEPS):
+                move = self._project_q(t + step, new, None)[0] - new
+                new = new + move
+                if not np.abs(move).max() > CLOSED:
+                    break
+            if np.abs(move).max() <= CLOSED and np.abs(new - place - change).max() <= far:
+                t, place, step = t + step, new, 1.5 * step
+            else:
+                step /= 2
+        return None
 
     def _names_of(self, rows: NDArray[np.bool_]) -> tuple[str, ...]:
         """Return the names of the constraints that have some of these rows, (m,)."""

@@ -35,7 +35,7 @@ A pin that hits alone, without friction, and flies off again has its rebound in 
 import math
 from dataclasses import dataclass
 from itertools import chain, combinations, pairwise, product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,11 +53,18 @@ from reference_solver.mechanism.contacts import (
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.run import DEPENDENT, FLIGHT_HEIGHT, OLD, WALL_FIELDS, Impact, Run
-from reference_solver.solution import ModeChange
 from reference_solver.tape import Array, FloatArray, Scalar, array
 from reference_solver.wall_friction import LEAST_MOBILITY
 
 Chosen = NDArray[np.bool_]
+
+
+class ModeChange(NamedTuple):
+    """From this time on the pins of these contacts follow their rigid walls, and the others fly."""
+
+    time_s: float
+    following: tuple[int, ...]
+
 
 EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
 #: Units of the largest term by which complementarity may be missed, part of its diagonal's product below

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reference_solver.mechanism.data import GROUND, Ends, Line, Motor, Point, Spring
+from reference_solver.mechanism.data import GROUND, Ends, Line, Point, Spring
 from reference_solver.mechanism.motions import PiecewiseCubic
 from reference_solver.mechanism.points import MovingPoint, State, ends_of
 from reference_solver.tape import Array, FloatArray, Scalar, array, sqrt
@@ -128,7 +128,7 @@ def _torque(load: OnBody, state: State) -> Scalar:
     speed = state.velocity(load.body)[2]
     match load:
         case MotorTorque():
-            return motor_torque_N_m(load, speed)
+            return load.stall_torque_N_m * (1.0 - speed / load.no_load_speed_rad_s)
         case TurningDamper():
             return -load.damping_N_m_s * speed
         case TorqueByTime():
@@ -136,11 +136,6 @@ def _torque(load: OnBody, state: State) -> Scalar:
         case TorqueBySpeed():
             return load.torque_N_m.at(speed)[0]
     return load.torque_N_m
-
-
-def motor_torque_N_m(motor: Motor | MotorTorque, speed_rad_s: Scalar) -> Scalar:
-    """Return the torque of a motor that is linear in its speed, at one or at an array of speeds."""
-    return motor.stall_torque_N_m * (1.0 - speed_rad_s / motor.no_load_speed_rad_s)
 
 
 # s = u.d, d = p_j - p_i, with u along the line and n across it: u' = phi_i' n

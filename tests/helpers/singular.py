@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from reference_solver.energy import MOVED
 from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
-from reference_solver.guard import MOVED
 from reference_solver.mechanism.constraints import PrescribedMotion
 from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Pin
 from reference_solver.mechanism.mechanism import Mechanism

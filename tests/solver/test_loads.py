@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference_solver.energy import created_J, kinetic_J
+from reference_solver.energy import created_J, kinetic_J, swing_s
 from reference_solver.equations import Equations
 from reference_solver.failures import SingularConfiguration
-from reference_solver.guard import swing_s
 from reference_solver.mechanism.constraints import Constraint, PrescribedMotion, PrescribedSlide
 from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Pin, Spring
 from reference_solver.mechanism.loads import (
