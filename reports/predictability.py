@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtrit
 
 from reports.lines import Line, Panel, draw, points, so_far
 from reports.look import BLACK, BLUE, GREY, VERMILLION
@@ -146,7 +146,7 @@ def _horizon_table(rows: pd.DataFrame) -> Table:
 def mean_of(values: pd.Series) -> tuple[float, float]:
     """Return the mean of independent values and half of its 95 % interval, NaN of fewer than two."""
     known = values.dropna()
-    t = stats.t.ppf(0.5 + CONFIDENCE / 2, len(known) - 1)
+    t = stdtrit(len(known) - 1, 0.5 + CONFIDENCE / 2)
     return float(known.mean()), float(t * known.std(ddof=1) / math.sqrt(max(len(known), 1)))
 
 
