@@ -16,7 +16,7 @@ from reports.equal_error import (
     saturated,
     settings,
 )
-from reports.lines import Line, Panel, draw, points
+from reports.lines import Line, Panel, figure_of
 from reports.look import ABSENT, axis_label, in_legend_order, legend_place, quantity, variant, words
 from reports.page import MOST, Chapter, Claim, Figure, Part, Table
 from reports.results import CLASSES, FORCE, PEAK, SLIDER, Studies, accuracy, finished
@@ -81,7 +81,7 @@ def _figure(column: str, ran: pd.DataFrame) -> Figure | None:
     )
     title = f"What error in {what} does each engine reach in what run time?"
     name = f"cost-{what.replace(' ', '-')}"
-    return Figure(name, title, caption, "cost", draw(panels, 2.4), points(panels)) if panels else None
+    return figure_of(name, title, caption, "cost", panels, 2.4)
 
 
 def cost_panel(ran: pd.DataFrame, rings: Sequence[tuple[float, float]] = ()) -> Panel:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from reports.lines import Line, Panel, draw, points, so_far
+from reports.lines import Line, Panel, figure_of, so_far
 from reports.look import BLACK, BLUE, GREY, VERMILLION
 from reports.page import HALF_WIDTH, MOST, Chapter, Claim, Figure, Table
 from reports.results import FloatArray, Results, Studies, finished, with_columns
@@ -53,7 +53,7 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
                 "Distance of the slider from the unperturbed run, the largest up to each time. Diamonds mark "
                 "the horizons of 1 nm, 1 µm and 100 µm."
             )
-            yield Figure(f"{STUDY}-growth", title, caption, STUDY, draw(panels, 2.4), points(panels))
+            yield figure_of(f"{STUDY}-growth", title, caption, STUDY, panels, 2.4)
         yield _horizon_table(followed)
     members = finished(rows[rows["member"].notna()])
     yield _means(members)
