@@ -238,6 +238,9 @@ def simulate(
     exaggerate: Annotated[
         Text, Option(metavar="TIMES", help="Enlarge clearances in the animation by this factor; default: 1.")
     ] = None,
+    quick: Annotated[
+        bool, Option("--quick", help="Do not check the run by a second one, at half its step.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a scene; write motion, forces and energy as a table, on request impacts, a figure, an animation."""
@@ -257,9 +260,9 @@ def simulate(
     times, columns = factor(**film), tuple(plot_columns.split(",")) if plot_columns else ()
     if columns:  # those of a run of no length
         short = physics.replace("end_time_s", SHORT * physics.end_time_s)
-        library.simulate(short, engine, settings=given, samples=1).require_columns(columns)
+        library.simulate(short, engine, settings=given, samples=1, quick=True).require_columns(columns)
     with _progress(physics.end_time_s):
-        run = library.simulate(physics, engine, settings=given, **numbers)
+        run = library.simulate(physics, engine, settings=given, quick=quick, **numbers)
         if out is None and not (impacts or plot or animate or quiet):
             out = Path("-")
         run.write(out, impacts, plot, animate, columns, times)

@@ -21,7 +21,6 @@ from engine_models.engine import (
     RunSettings,
     SimulationFailed,
     UnsupportedScene,
-    plain,
 )
 from engine_models.engines import engine_class, join
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
@@ -30,11 +29,11 @@ from engine_models.scene.format import NonNegative, Positive
 from engine_models.scene.library import ALL_SCENES
 from engine_models.scene.plain_words import (
     expect,
-    no_numbers,
+    fields,
     one_of,
     refusal,
+    setting,
     shown,
-    typed,
     unknown,
 )
 from engine_models.scene.scene import Scene
@@ -53,6 +52,7 @@ scenes: Mapping[str, Scene] = MappingProxyType({name: make() for name, make in A
 SomeScene = Annotated[InstanceOf[Scene] | str | Path, expect(f"{one_of(list(ALL_SCENES))}, or a TOML file")]
 Samples = Annotated[int, Field(ge=1, le=MOST_SAMPLES), in_words()]
 Jobs = Annotated[int, Field(ge=1, le=1000), in_words()]
+Values = Annotated[str | Sequence[float], expect("a string or a list of numbers")]
 #: What runs in all engines, in reference solutions and in studies.
 DEFAULT_STEP_S = 1e-5
 #: A step below this part of the end time is lost to the rounding of time.
@@ -108,12 +108,12 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
         kind = engine_class(name)
     except ValueError as reason:
         raise BadInput(str(reason)) from None
-    if wrong := no_numbers(settings, kind):
-        raise BadInput(wrong)
     try:
-        engine: Engine = TypeAdapter(kind).validate_strings({key: typed(it) for key, it in settings.items()})
+        engine: Engine = TypeAdapter(kind).validate_strings(
+            {key: setting(it) for key, it in settings.items()}
+        )
     except ValidationError as error:
-        raise BadInput(refusal(error, kind)) from None
+        raise BadInput(refusal(error, settings, fields(kind))) from None
     if to_tolerance and "method" not in settings:
         given = {"step_tolerance": vars(engine)["step_tolerance"]} if "step_tolerance" in settings else {}
         engine = engine.controlling_error(**given)
@@ -131,6 +131,7 @@ def simulate(
     samples: Samples = 200,
     start: Annotated[NonNegative, Field(json_schema_extra={"unit": "s"}), in_words("s")] = 0.0,
     settings: Mapping[str, object] | None = None,
+    quick: bool = False,
 ) -> Run:
     """Return the run of a scene: a ``Scene``, the name of a library scene, or the path of a TOML file.
 
@@ -138,7 +139,10 @@ def simulate(
     ``tolerance`` in m the run is refined until the slider position is accurate to it. ``end`` in s replaces
     the end time of the scene. ``samples`` is the number of output intervals of equal length. Before ``start``
     in s the run is a transient: the largest contact force is that after it. ``settings`` are the engine's.
-    Times and lengths may be text with a unit. Doubts about the run are warnings.
+    Times and lengths may be text with a unit.
+
+    Doubts about the run are warnings. One without a tolerance is checked by another one at half the step and
+    a tenth of the engine's own tolerance, which takes up to twice its time; ``quick`` leaves that out.
 
     Raises:
         BadInput: an argument or the scene is refused, or the engine cannot run the scene.
@@ -154,21 +158,21 @@ def simulate(
         raise BadInput(f"start: expected a time < the end time {physics.end_time_s:g}, got {start:g}")
     longest = _longest_step_s(step, tolerance, physics.end_time_s, chosen)
     try:
-        if not chosen.any_mechanism:
-            plain(physics, engine)
         with np.errstate(all="ignore"):  # engines check for non-finite numbers themselves
+            steps = RunSettings(longest, samples)
             if tolerance is None:
-                run = chosen.simulate(physics, RunSettings(longest, samples))
+                run = chosen.simulate(physics, steps)
             else:
                 run = simulate_to_tolerance(chosen, physics, tolerance, samples)
-            warnings = tuple(doubts(chosen, physics, run, tolerance is not None))
+            check = steps if tolerance is None and not quick else None
+            warnings = tuple(doubts(chosen, physics, run, check))
     except (UnsupportedScene, FolderRefused) as reason:
         raise _refused(reason) from None
     except SimulationFailed as reason:
         raise Failed(str(reason)) from None
     for doubt in warnings:
         warn(doubt, stacklevel=3)
-    return Run(physics, engine, chosen, run, warnings, tolerance, start)
+    return Run(physics, engine, chosen, run, warnings, tolerance, start, bool(check or tolerance))
 
 
 def _longest_step_s(step: float | None, tolerance: float | None, end_s: float, engine: Engine) -> float:
@@ -263,7 +267,7 @@ def join_engines(engines: Sequence[str]) -> None:
 @check_arguments
 def sweep(
     scene: SomeScene,
-    vary: Mapping[str, str | Sequence[float]] | None = None,
+    vary: Mapping[str, Values] | None = None,
     engine: str = "reference",
     *,
     sample: Literal["grid", "random", "latin-hypercube", "sobol"] = "grid",

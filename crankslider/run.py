@@ -55,7 +55,8 @@ class Run:
 
     ``engine`` has the settings that ran. ``tolerance_m`` is the tolerance of the slider position, or None.
     ``warnings`` has a line for each doubt about the run. ``trajectory`` has all results as arrays. What is
-    before ``start_s`` is a transient.
+    before ``start_s`` is a transient. ``checked`` tells whether a tolerance or a run at half the step has
+    been a check of it.
     """
 
     scene: Scene
@@ -65,6 +66,7 @@ class Run:
     warnings: tuple[str, ...] = ()
     tolerance_m: float | None = None
     start_s: float = 0.0
+    checked: bool = True
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
@@ -252,7 +254,10 @@ class Run:
         how_long = f"{mean_s:.3g} s on average, up to {allowed_s:.6g} s allowed"
         if mean_s > 0.99 * allowed_s:
             how_long = f"the longest {allowed_s:.6g} s"
-        lines = [f"quality: {self.quality.summary()}", f"{steps} steps{of_method}, {how_long}"]
+        lines = [
+            f"quality: {self.quality.summary()}{'' if self.checked else ', not checked'}",
+            f"{steps} steps{of_method}, {how_long}",
+        ]
         if (moved := self.scene.placed.moved) is not None:
             lines.insert(0, f"start put together: {moved} from what the file tells")
         return lines + self._notes_of_force()

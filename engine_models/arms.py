@@ -53,12 +53,6 @@ GENERALIZED_ALPHA_09 = Arm(
 )
 RK44 = Arm("exudyn", "RK44", {"solver": "RK44"})
 DOPRI5 = Arm("exudyn", "DOPRI5", {"solver": "DOPRI5"}, ("step_tolerance",))
-WIDE_GAP = Arm(
-    "exudyn",
-    "DOPRI5, wide gap",
-    {"solver": "DOPRI5", "event_gap": 0.03, "step_safety": 0.7},
-    ("step_tolerance",),
-)
 
 
 #: Pymunk at its best, and with all that a user who sets nothing has; its contacts as the scene's law has
@@ -87,7 +81,7 @@ LSODA = Arm("scipy", "solve_ivp, LSODA", {"method": "LSODA"}, ("rtol", "atol"))
 RADAU = Arm("scipy", "solve_ivp, Radau", {"method": "Radau"}, ("rtol", "atol"))
 #: Engines, and arms, whose solve gives the motion alone: forces are computed after the run, at the samples
 #: that are asked for, and are in no run time. Exudyn's explicit solvers have no joints to tell forces of.
-MOTION_ALONE = ("scipy", DOPRI5, WIDE_GAP, RK44)
+MOTION_ALONE = ("scipy", DOPRI5, RK44)
 
 #: What each arm is, by its label.
 MEANINGS = {
@@ -106,7 +100,6 @@ MEANINGS = {
     GENERALIZED_ALPHA_09.label: "implicit generalized-alpha method, spectral radius 0.9: less damping",
     RK44.label: "explicit RK4 on a kinematic tree, steps of one length",
     DOPRI5.label: "explicit DOPRI5 on a kinematic tree, with error control",
-    WIDE_GAP.label: "the same with a wider band in which contacts switch, and shorter steps",
     TUNED.label: "joint errors corrected in full in every step, order 2",
     OUT_OF_THE_BOX.label: "Pymunk's own defaults, order 1",
     AS_THE_SCENE.label: "tuned joints, contact forces by the scene's law, steps of one length",

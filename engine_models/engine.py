@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,20 +52,6 @@ class AdapterCannot(SimulationFailed):
 
 class ImpossibleStart(SimulationFailed):
     """No engine is asked: the mechanism cannot begin as the scene says."""
-
-
-def plain(scene: Scene, engine: str) -> Scene:
-    """Return a plain crank-slider or pendulum as it is.
-
-    Raises:
-        UnsupportedScene: it is another mechanism.
-    """
-    if scene.is_plain:
-        return scene
-    raise UnsupportedScene(
-        f"{engine} runs crank-sliders on a guide along +x through O and pendulums so far; the reference, "
-        f"scipy, exudyn and pymunk run other mechanisms"
-    )
 
 
 def require_samples(samples: object) -> None:
@@ -245,9 +231,6 @@ class Engine(ABC):
     ``check`` and ``simulate`` are every engine's own. The rest has defaults: those of an engine that solves a
     scene as it is.
     """
-
-    #: Whether it builds a scene from ``scene.mechanism``: others are given crank-sliders and pendulums alone.
-    any_mechanism: ClassVar[bool] = False
 
     @abstractmethod
     def check(self, scene: Scene) -> None:

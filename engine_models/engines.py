@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from engine_models.engine import Engine
-from engine_models.scene.plain_words import one_of, refusal, unknown
+from engine_models.scene.plain_words import fields, one_of, refusal, unknown
 
 #: The group of entry points by which installed packages bring engines.
 GROUP = "crankslider.engines"
@@ -90,7 +90,7 @@ def make_engine(name: str, **settings: object) -> Engine:
     try:
         engine: Engine = kind(**settings)
     except ValidationError as error:
-        raise ValueError(refusal(error, kind)) from None
+        raise ValueError(refusal(error, settings, fields(kind))) from None
     return engine
 
 

@@ -1,81 +1,49 @@
-"""The energy ledger of a run, from its samples alone."""
+"""The energy ledger of a run, from its samples alone, and what every run is held to at its end.
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
-from typing import Any
+Nothing in a run may be wrong by more than order and step explain.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from reference_solver.mechanism.contact_laws import stored_J
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    AlongLine,
-    ConstantForce,
-    LineSpring,
-    Mechanism,
-    Point,
-    SpringDamper,
-    Torque,
-)
+from reference_solver.equations import Equations
+from reference_solver.failures import DriftAmplified, EnergyNotConserved
+from reference_solver.mechanism.contacts import stored_J
+from reference_solver.mechanism.data import GROUND, Ends
+from reference_solver.mechanism.loads import Load, TurningDamper, distance_m, potential_J
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.scales import Scales, rate_of
+from reference_solver.methods import RK4
 from reference_solver.solution import Solution
 from reference_solver.tape import FloatArray
+
+#: The energy that may be in error, of that in play: for each radian turned this many times a step's error,
+#: and beside it round-off; with contacts no less than a tenth. Ideal mechanisms with samples in every radian
+#: stay below 2 of the first, those with so few that their quickest moments are between them below 60.
+MARGIN, ROUND_OFF, WITH_CONTACTS = 500.0, 1e-8, 0.1
+#: How far a violation of the constraints may move bodies near a singular position, as a part of the
+#: mechanism's length and of a radian; and how many samples are looked at.
+MOVED, LOOKED_AT = 0.03, 100
 
 
 def kinetic_J(mechanism: Mechanism, v: FloatArray) -> FloatArray:
     """Return the kinetic energy (s,) at velocities (s, n)."""
-    masses = [m for body in mechanism.bodies for m in (body.mass_kg, body.mass_kg, body.inertia_kg_m2)]
-    return np.asarray(v**2 @ np.array(masses) / 2)
+    return np.asarray(v**2 @ mechanism.masses / 2)
 
 
 def potentials_J(run: Solution) -> FloatArray:
     """Return the potential energies at a run's samples, of gravity, loads and contacts, each a row (s,)."""
     mechanism, q = run.mechanism, run.q
-    heights = q[:, 1::3] @ np.array([body.mass_kg for body in mechanism.bodies])
-    rows = [mechanism.gravity_m_s2 * heights]
-    if mechanism.gravity_x_m_s2:
-        ways = q[:, 0::3] @ np.array([body.mass_kg for body in mechanism.bodies])
-        rows.append(-mechanism.gravity_x_m_s2 * ways)
-    rows += [POTENTIALS[type(load)](load, q) for load in mechanism.loads if type(load) in POTENTIALS]
+    masses = mechanism.masses[::3]
+    rows = [mechanism.gravity_m_s2 * (q[:, 1::3] @ masses), -mechanism.gravity_x_m_s2 * (q[:, ::3] @ masses)]
+    rows += [row for load in mechanism.loads if (row := potential_J(load, q)) is not None]
     for k, joint in enumerate(mechanism.contacts):
         if not joint.rigid:
-            law, depth = joint.compliance, distance_m(joint, q) - joint.radial_clearance_m
+            law, depth = joint.law, distance_m(joint, q) - joint.radial_clearance_m
             rows.append(run.closed[:, k] * stored_J(law.stiffness, law.exponent, depth))
     return np.array(rows)
-
-
-def distance_m(ends: Any, q: FloatArray) -> FloatArray:
-    """Return the distance (s,) of a part's ends at coordinates (s, n)."""
-    d = place_m(q, ends.body_j, ends.point_j) - place_m(q, ends.body_i, ends.point_i)
-    return np.asarray(np.hypot(*d.T))
-
-
-def place_m(q: FloatArray, body: int, point: Point) -> FloatArray:
-    """Return where a point of a body is, (s, 2), at coordinates (s, n)."""
-    if body == GROUND:
-        return np.tile(point, (len(q), 1))
-    x, y, angle = q[:, 3 * body : 3 * body + 3].T
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.column_stack([x + cos * point[0] - sin * point[1], y + sin * point[0] + cos * point[1]])
-
-
-def along_m(load: AlongLine, q: FloatArray) -> FloatArray:
-    """Return s (s,) of a load along a line."""
-    x, y = (place_m(q, load.body_j, load.point_j) - place_m(q, load.body_i, load.point_i)).T
-    angle = load.angle_rad + (0.0 if load.body_i == GROUND else q[:, 3 * load.body_i + 2])
-    return np.asarray(np.cos(angle) * x + np.sin(angle) * y)
-
-
-#: The potential energy (s,) of loads that have one, at coordinates (s, n): the integral of ``loads.LOADS``.
-POTENTIALS: Mapping[type, Callable[[Any, FloatArray], FloatArray]] = MappingProxyType(
-    {
-        Torque: lambda load, q: -load.torque_N_m * q[:, 3 * load.body + 2],
-        ConstantForce: lambda load, q: -load.force_N * along_m(load, q),
-        LineSpring: lambda load, q: load.stiffness_N_m * (along_m(load, q) - load.free_position_m) ** 2 / 2,
-        SpringDamper: lambda load, q: (
-            load.stiffness_N_m * (distance_m(load, q) - load.free_length_m) ** 2 / 2
-        ),
-    }
-)
 
 
 def ledger_J(run: Solution) -> FloatArray:
@@ -97,3 +65,86 @@ def created_J(run: Solution) -> FloatArray:
 def in_play_J(run: Solution) -> float:
     """Return the largest line of a run's ledger, or its largest kinetic energy."""
     return float(max(np.abs(ledger_J(run)).max(), kinetic_J(run.mechanism, run.v).max()))
+
+
+@dataclass(frozen=True)
+class Guard:
+    """A run with the mechanism's scales, and its steps: of RK4 by their length, or by their tolerance."""
+
+    run: Solution
+    scales: Scales
+    step_s: float
+    tolerance: float = 0.0
+
+    @cached_property
+    def _rates_s(self) -> FloatArray:
+        """The fastest rate (s,) at each sample: of the start, of bodies, of springs and dampers."""
+        mechanism = self.run.mechanism
+        least = max((swing_s(load, mechanism) for load in mechanism.loads), default=0.0)
+        moving = [rate_of(v, self.scales.length_m) for v in self.run.v]
+        return np.maximum(moving, max(least, self.scales.rate_s))
+
+    @property
+    def _turned(self) -> FloatArray:
+        """The angle (s,) turned at these rates."""
+        rates = self._rates_s
+        turns = np.maximum(rates[1:], rates[:-1]) * np.diff(self.run.time_s)
+        return np.concatenate([[0.0], np.cumsum(turns)])
+
+    @property
+    def _error(self) -> float:
+        """What is to be expected of a step, but for a factor: (rate h)^4 or the tolerance.
+
+        Motions and loads with knots are at least cut into sixteen steps from one to the next.
+        """
+        turn = float(self._rates_s.max() * self.step_s)
+        if self.run.mechanism.has_knots:
+            turn = max(turn, 1 / 16)
+        return self.tolerance or turn**RK4.order
+
+    def check_energy(self) -> None:
+        """Hold the run to its ledger.
+
+        Raises:
+            EnergyNotConserved: it is off by more than the steps explain.
+        """
+        part = MARGIN * self._error * (1.0 + self._turned) + ROUND_OFF
+        if self.run.mechanism.contacts:
+            part = np.maximum(part, WITH_CONTACTS)
+        # To the round-off of the energy of mass, length and rate a mechanism is at rest.
+        own_J = self.run.mechanism.masses[::3].sum() * (self.scales.length_m * self.scales.rate_s) ** 2
+        created, allowed = created_J(self.run), part * in_play_J(self.run) + ROUND_OFF * own_J
+        for k in np.flatnonzero(~(created <= allowed))[:1]:
+            raise EnergyNotConserved(float(self.run.time_s[k]), float(created[k]), float(allowed[k]))
+
+    def check_drift(self, equations: Equations, least: float) -> None:
+        """Hold a run without projection to its constraints; ``least`` is its best condition at a sample.
+
+        At a distance d from a singular position a violation g moves bodies by g/d, and the condition goes
+        with 1/d^2. The steps explain no more than a length, however fast what has gone astray turns.
+
+        Raises:
+            DriftAmplified: that is more than the steps explain.
+        """
+        run, allowed = self.run, MOVED + np.minimum(self._error * (1.0 + self._turned) ** 2, 1.0)
+        near = np.sqrt(run.condition / least) / self.scales.length_m
+        for k in np.unique(np.linspace(0, len(run.q) - 1, LOOKED_AT).astype(int)):
+            moved = near * np.abs(equations.violation(float(run.time_s[k]), run.q[k])).max(initial=0.0)
+            if not moved <= allowed[k]:
+                raise DriftAmplified(float(run.time_s[k]), float(moved), run.condition)
+
+
+def swing_s(load: Load, mechanism: Mechanism) -> float:
+    """Return the rate in 1/s at which a spring's bodies swing, or a damper slows them; 0 of other loads.
+
+    A line's lever is no longer than that of its point.
+    """
+    if isinstance(load, TurningDamper):
+        return load.damping_N_m_s / mechanism.bodies[load.body].inertia_kg_m2
+    if not isinstance(load, Ends):
+        return 0.0
+    ends = [(load.body_i, load.point_i), (load.body_j, load.point_j)]
+    bodies = [(mechanism.bodies[body], point) for body, point in ends if body != GROUND]
+    mobility = sum(1 / body.mass_kg + (x * x + y * y) / body.inertia_kg_m2 for body, (x, y) in bodies)
+    stiffness, damping = getattr(load, "stiffness_N_m", 0.0), getattr(load, "damping_N_s_m", 0.0)
+    return float(max(np.sqrt(stiffness * mobility), damping * mobility))

@@ -15,16 +15,22 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.checks import require_not_negative
-from reference_solver.contact_forces import contact_force, elastic_force, rates_of, sliding_row, wall_link
 from reference_solver.factorisation import Factors
 from reference_solver.failures import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
 from reference_solver.mechanism.constraints import System, row_slices, system_of
-from reference_solver.mechanism.loads import LOADS, Forces, integrated, power_of
-from reference_solver.mechanism.mechanism import GROUND, ClearanceJoint, Mechanism
+from reference_solver.mechanism.contacts import (
+    FLIGHT,
+    ClearanceJoint,
+    contact_force,
+    elastic_force,
+    rates_of,
+    sliding_row,
+)
+from reference_solver.mechanism.data import GROUND, Spring
+from reference_solver.mechanism.loads import Forces, forces_of, integrated, power_of
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
-from reference_solver.run import FLIGHT
 from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, smaller, sqrt
 from reference_solver.wall_friction import Rubbing, rubbed
 
@@ -35,6 +41,9 @@ Phases = Array | None
 PIVOT_TOLERANCE_PER_ROW = 64 * float(np.finfo(float).eps)
 #: Share of a constraint in a dependence of rows, a square, from which on it takes part.
 INVOLVED = 1e-6
+#: Constraints are closed, in m and rad; steps of Newton's method for it; how often a driven mechanism's limit
+#: is tried for, and to which part of the time it is told.
+CLOSED, NEWTON_STEPS, MOST_TRIALS, RESOLVED = 1e-9, 8, 500, 1e-9
 #: Part of the largest mass, and of the largest inertia, from which down a body is light.
 LIGHT = 1e-4
 
@@ -45,9 +54,6 @@ class Baumgarte:
 
     alpha_s: float
     beta_s: float
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "alpha_s", "beta_s")
 
 
 @dataclass(frozen=True)
@@ -100,8 +106,8 @@ class Equations:
         self.mechanism, self.q_start, self._baumgarte = mechanism, q_start, baumgarte
         self.n, self.following = 3 * len(mechanism.bodies), following
         joints = [(k, mechanism.contacts[k]) for k in following]
-        self._constraints = (*mechanism.constraints, *(wall_link(joint) for _, joint in joints))
-        self.mass = array([a for b in mechanism.bodies for a in (b.mass_kg, b.mass_kg, b.inertia_kg_m2)])
+        self._constraints = (*mechanism.constraints, *(joint for _, joint in joints))
+        self.mass = mechanism.masses
         self.inverse_mass = 1.0 / self.mass
         #: Condition up to which constraints may seem to depend on each other by light bodies alone.
         self._lightness = reduce(larger, (LIGHT * spread_of(self.mass[k::3]) for k in (0, 2)))
@@ -163,7 +169,7 @@ class Equations:
         """Return {F} (n,), the contacts' rates by name, and their friction forces."""
         state, rates = State(q, v, t), dict.fromkeys(self.power_names, 0.0)
         friction: list[Scalar] = [0.0] * len(self.mechanism.contacts)
-        forces = [LOADS[type(load)](load, state, False) for load in self.mechanism.loads]
+        forces = [forces_of(load, state) for load in self.mechanism.loads]
         for k, load in enumerate(self.mechanism.loads):
             if integrated(load):
                 rates[f"load{k}"] = power_of(load, forces[k], state)
@@ -179,7 +185,8 @@ class Equations:
         It is what is applied at rest; a clipped contact still stores its elastic energy.
         """
         state = State(q, np.zeros(self.n))
-        forces = [LOADS[type(load)](load, state, True) for load in self.mechanism.loads]
+        stored = (x for x in self.mechanism.loads if isinstance(x, Spring) or not integrated(x))
+        forces = [forces_of(load, state) for load in stored]
         contacts = self._compliant(phases)
         return self._sum(forces + [elastic_force(joint, phase, state) for _, joint, phase, _ in contacts])
 
@@ -315,11 +322,42 @@ class Equations:
         tolerance = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
         depend = left[:, values <= max(tolerance, values[-1])]
         names = self._names_of((depend**2).sum(axis=1) > INVOLVED)
-        raise SingularConfiguration(int((values > tolerance).sum()), len(scaled), t, q, names)
+        raise SingularConfiguration(int((values > tolerance).sum()), len(scaled), t, names)
+
+    def limit_s(self, times_s: FloatArray, q: FloatArray, taken: int) -> float | None:
+        """Return when a driven mechanism without freedom comes to where it cannot follow; None if it can.
+
+        The constraints are closed on and on in time, from the last of the ``taken`` samples, at times (s,)
+        with coordinates (s, n), at which they are closed: by Newton's method, with ever shorter steps.
+        """
+        if len(self.C) != self.n or not self.mechanism.prescribed or taken == 0:
+            return None
+        last = taken - 1
+        while last > 0 and not np.abs(self.violation(times_s[last], q[last])).max() < CLOSED:
+            last //= 2
+        t, place, step = float(times_s[last]), q[last], float(times_s[1] - times_s[0])
+        end = float(times_s[min(taken, len(times_s) - 1)])
+        for _ in range(MOST_TRIALS):
+            if t >= end:
+                return None
+            if step < RESOLVED * end:
+                return t
+            change = np.linalg.lstsq(self.constraint_matrix(place), step * self.speeds(t), rcond=None)[0]
+            new, far = place + change, np.abs(change).max()
+            for _ in range(NEWTON_STEPS):
+                move = self._project_q(t + step, new, None)[0] - new
+                new = new + move
+                if not np.abs(move).max() > CLOSED:
+                    break
+            if np.abs(move).max() <= CLOSED and np.abs(new - place - change).max() <= far:
+                t, place, step = t + step, new, 1.5 * step
+            else:
+                step /= 2
+        return None
 
     def _names_of(self, rows: NDArray[np.bool_]) -> tuple[str, ...]:
         """Return the names of the constraints that have some of these rows, (m,)."""
-        own = enumerate(row_slices(self.mechanism))
+        own = enumerate(row_slices(self.mechanism.constraints, self.n))
         found = [self.mechanism.name_of(k) for k, part in own if rows[part].any()]
         walls = zip(self.following, rows[self.own_rows :], strict=True)
         return *dict.fromkeys(found), *(f"the wall of contact {k}" for k, there in walls if there)

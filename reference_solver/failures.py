@@ -1,9 +1,6 @@
-"""How the solver fails: each error says when and why."""
+"""How the solver fails: each error says when and why, and what helps."""
 
 from collections.abc import Sequence
-
-import numpy as np
-from numpy.typing import NDArray
 
 #: Names that a message has at the most.
 MOST_NAMES = 8
@@ -19,16 +16,18 @@ class SolverError(Exception):
     """Base of the solver's errors."""
 
 
+class InconsistentStart(SolverError):
+    """The initial positions or velocities violate the constraints."""
+
+
 class SingularConfiguration(SolverError):
     """[B] has lost full row rank: redundant constraints, or a configuration such as a locked dead centre.
 
     ``joints`` are the names of the constraints whose rows depend on each other.
     """
 
-    def __init__(
-        self, rank: int, rows: int, time_s: float, q: NDArray[np.float64], joints: tuple[str, ...]
-    ) -> None:
-        self.rank, self.rows, self.time_s, self.q, self.joints = rank, rows, time_s, q, joints
+    def __init__(self, rank: int, rows: int, time_s: float, joints: tuple[str, ...]) -> None:
+        self.rank, self.rows, self.joints = rank, rows, joints
         super().__init__(
             f"the joints' rows have rank {rank} of {rows} at t = {time_s:.6g} s, those of "
             f"{listed(joints)} depend on each other: take one of them away, give it clearance, or stop "
@@ -36,11 +35,20 @@ class SingularConfiguration(SolverError):
         )
 
 
+class LimitPosition(SolverError):
+    """A drive has come to where its mechanism cannot follow."""
+
+    def __init__(self, time_s: float) -> None:
+        super().__init__(
+            f"the drive has come to a limit position of its mechanism at t = {time_s:.8g} s, which cannot "
+            "follow it any further: end the run before, or drive another body"
+        )
+
+
 class NearSingular(SolverError):
     """A step comes too near to a singular position, which amplifies its error; no way past it is sure."""
 
     def __init__(self, time_s: float, step_s: float, condition: float) -> None:
-        self.time_s, self.condition = time_s, condition
         super().__init__(
             f"step {step_s:.3g} s from t = {time_s:.6g} s comes too near to a singular position (condition "
             f"number {condition:.1e}), which amplifies its error: choose another step, project, take error "
@@ -52,7 +60,6 @@ class EnergyNotConserved(SolverError):
     """The energy of a run does not add up, by more than its steps explain."""
 
     def __init__(self, time_s: float, created_J: float, allowed_J: float) -> None:
-        self.time_s, self.created_J = time_s, created_J
         super().__init__(
             f"the energy at t = {time_s:.6g} s does not add up by {created_J:.3g} J, where the steps explain "
             f"{allowed_J:.3g} J: shorten the step, take another stabilisation or error control"
@@ -63,7 +70,6 @@ class DriftAmplified(SolverError):
     """Constraints that are not projected have been violated where a singular position amplifies that."""
 
     def __init__(self, time_s: float, moved: float, condition: float) -> None:
-        self.time_s, self.condition = time_s, condition
         super().__init__(
             f"the constraints' violation at t = {time_s:.6g} s moves bodies by {moved:.2g} of the "
             f"mechanism's length where it passes a singular position (condition number {condition:.1e}): "
@@ -72,11 +78,10 @@ class DriftAmplified(SolverError):
 
 
 class NonFiniteState(SolverError):
-    """The state has overflowed or become NaN; the step is None where it is not known."""
+    """The state has overflowed or become NaN; the step is 0 where it is not known."""
 
-    def __init__(self, time_s: float, step_s: float | None = None) -> None:
-        self.time_s = time_s
-        step = "" if step_s is None else f" with step {step_s:.3g} s"
+    def __init__(self, time_s: float, step_s: float = 0.0) -> None:
+        step = f" with step {step_s:.3g} s" if step_s else ""
         super().__init__(f"non-finite state at t = {time_s:.6g} s{step}: shorten the step")
 
 
@@ -84,15 +89,10 @@ class StepsCollapsed(SolverError):
     """Error control has found no step that meets its tolerance."""
 
     def __init__(self, time_s: float, step_s: float) -> None:
-        self.time_s = time_s
         super().__init__(
             f"no step from t = {time_s:.6g} s meets the tolerance, not even {step_s:.3g} s: the forces jump "
             "there, or a singular configuration is close: loosen the tolerance or stop before it"
         )
-
-
-class InconsistentStart(SolverError):
-    """The initial positions or velocities violate the constraints."""
 
 
 class BlockedImpact(SolverError):

@@ -35,23 +35,36 @@ A pin that hits alone, without friction, and flies off again has its rebound in 
 import math
 from dataclasses import dataclass
 from itertools import chain, combinations, pairwise, product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver import failures
-from reference_solver.contact_forces import separation
 from reference_solver.equations import Answer, Equations
-from reference_solver.mechanism.contact_laws import FRICTION_LAWS, RigidWall
-from reference_solver.mechanism.mechanism import ClearanceJoint, Mechanism
+from reference_solver.mechanism.contacts import (
+    CONTACT,
+    FLIGHT,
+    FRICTION_LAWS,
+    ClearanceJoint,
+    RigidWall,
+    separation,
+)
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
-from reference_solver.run import CONTACT, DEPENDENT, FLIGHT, FLIGHT_HEIGHT, OLD, WALL_FIELDS, Impact, Run
-from reference_solver.solution import ModeChange
+from reference_solver.run import DEPENDENT, FLIGHT_HEIGHT, OLD, WALL_FIELDS, Impact, Run
 from reference_solver.tape import Array, FloatArray, Scalar, array
 from reference_solver.wall_friction import LEAST_MOBILITY
 
 Chosen = NDArray[np.bool_]
+
+
+class ModeChange(NamedTuple):
+    """From this time on the pins of these contacts follow their rigid walls, and the others fly."""
+
+    time_s: float
+    following: tuple[int, ...]
+
 
 EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
 #: Units of the largest term by which complementarity may be missed, part of its diagonal's product below
@@ -210,7 +223,7 @@ def walls_at(equations: Equations, answer: Answer, t: Scalar, q: Array, v: Array
         bare = (row * row) @ equations.inverse_mass
         law = joint.friction
         sliding = each.tangent @ v
-        share = 0.0 if law is None else law.coefficient * FRICTION_LAWS[law.kind](law, sliding)
+        share = 0.0 if law is None else law.coefficient * FRICTION_LAWS[law.law](law, sliding)
         numbers += [each.distance, each.rate, each.turning, each.noise, each.rate_noise, bare, share]
     parts = D, motion.T, 0.5 * (W + W.T), reactions.T @ system.C, answer.accelerations
     return [*numbers, *(x for part in parts for x in np.asarray(part).ravel())]

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from secrets import token_hex
+from unittest.mock import patch
 
 import platformdirs
 
@@ -43,10 +44,11 @@ def private_folder() -> Path:
     folder = kernel_folder()
     folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder.mkdir(mode=0o700, exist_ok=True)
-    _require_private(folder, folder.stat())
-    above = folder.parent.stat()
-    if not above.st_mode & stat.S_ISVTX:  # as /tmp has it: nobody can replace what is another's
-        _require_private(folder.parent, above, ROOT_USER)
+    _require_private(folder)
+    if (
+        not folder.parent.stat().st_mode & stat.S_ISVTX
+    ):  # as /tmp has it: nobody can replace what is another's
+        _require_private(folder.parent, ROOT_USER)
     return folder
 
 
@@ -54,8 +56,8 @@ def _is_own(status: os.stat_result, *others: int) -> bool:
     return sys.platform == "win32" or status.st_uid in (os.geteuid(), *others)
 
 
-def _require_private(folder: Path, status: os.stat_result, *owners: int) -> None:
-    elsewhere = f"set {VARIABLE} to a folder of your own"
+def _require_private(folder: Path, *owners: int) -> None:
+    elsewhere, status = f"set {VARIABLE} to a folder of your own", folder.stat()
     if not _is_own(status, *owners):
         got = f"one of user {status.st_uid}: {elsewhere}"
     elif status.st_mode & WRITABLE_BY_OTHERS and sys.platform != "win32":  # there permissions say nothing
@@ -102,8 +104,7 @@ def write_kept(name: str, data: bytes) -> None:
 
 
 def _checksum(name: str, data: bytes) -> bytes:
-    """Return what data begin with under a name, so that those of another name are noticed too."""
-    return hashlib.sha256(name.encode() + data).digest()
+    return hashlib.sha256(name.encode() + data).digest()  # of another name it is another
 
 
 @contextmanager
@@ -120,31 +121,19 @@ def writable_folder() -> Iterator[None]:
             file.write(bytes(2**16))  # on a full disk an empty file can be made
     except OSError as error:
         _say_not_kept(error, "a temporary one is used")
-        with temporary_folder():
-            yield
     else:
+        yield
+        return
+    with (
+        tempfile.TemporaryDirectory(prefix="crankslider-") as folder,
+        patch.dict(os.environ, {VARIABLE: folder}),
+    ):
         yield
 
 
-@contextmanager
-def temporary_folder() -> Iterator[None]:
-    """Have machine code kept, by processes started in this block too, in a folder that is gone afterwards."""
-    usual = os.environ.get(VARIABLE)
-    with tempfile.TemporaryDirectory(prefix="crankslider-") as folder:
-        os.environ[VARIABLE] = folder
-        try:
-            yield
-        finally:
-            if usual is None:
-                del os.environ[VARIABLE]
-            else:
-                os.environ[VARIABLE] = usual
-
-
 def _say_not_kept(error: OSError, instead: str) -> None:
-    say_once(
-        f"{kernel_folder()}: expected a folder to keep kernels in, got '{error.strerror or error}': {instead}"
-    )
+    reason = error.strerror or error
+    say_once(f"{kernel_folder()}: expected a folder to keep kernels in, got '{reason}': {instead}")
 
 
 @cache

@@ -16,10 +16,10 @@ from itertools import count
 
 import numpy as np
 
-from reference_solver.contact_forces import gap
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.impacts import rigid_joints, walls_at
 from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, known_numbers
+from reference_solver.mechanism.contacts import gap
 from reference_solver.mechanism.lifting import lifted, tables_in
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State

@@ -21,18 +21,16 @@ import numpy as np
 from numba.extending import register_jitable
 
 from reference_solver.machine_code import OPTIONS, call, compiled
+from reference_solver.mechanism.contacts import CLIPPED, CONTACT, FLIGHT
 from reference_solver.methods import MOST_APART
 from reference_solver.run import (
     AT,
     CLIP,
-    CLIPPED,
-    CONTACT,
     DENSE,
     DEPENDENT,
     DONE,
     END,
     FAILED,
-    FLIGHT,
     FLIGHT_HEIGHT,
     FULL,
     GAP_FIELDS,

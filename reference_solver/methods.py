@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, reduce
 from runpy import run_path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
 
-from reference_solver.tape import Array, FloatArray, Scalar, both, larger, smaller
+from reference_solver.tape import Array, Scalar, both, larger, smaller
 
 Row = tuple[float, ...]
 
@@ -108,40 +108,6 @@ def dopri5() -> Method:
     estimates = (tuple(Table.E.tolist()), (0.0,) * len(weights))
     nodes = (*Table.C.tolist(), 1.0)
     return Method(5, 3.30, nodes, rows, weights, Embedded(estimates, (), (), (dense,)))
-
-
-class Tableau(NamedTuple):
-    """A Runge-Kutta method as arrays, with e slopes: of its stages, at the step's end, and for dense output.
-
-    ``exponent`` is 1 over its order, ``nodes`` (e,) and rows of ``matrix`` (e, e) are those of all slopes,
-    filled up with zeros; ``weights`` (s,) and ``estimates`` (2, s) are of stages, ``dense`` (d, e) of all.
-    """
-
-    exponent: float
-    nodes: FloatArray
-    matrix: FloatArray
-    weights: FloatArray
-    estimates: FloatArray
-    dense: FloatArray
-
-
-def tableau(method: Method) -> Tableau:
-    """Return a method as arrays; of one without an estimate, what belongs to that is empty."""
-    embedded = method.embedded or Embedded((), (), (), ())
-    nodes = (*method.nodes, 1.0, *embedded.nodes)
-    rows = (*method.matrix, method.weights, *embedded.matrix)
-
-    def table(rows: tuple[Row, ...], width: int) -> FloatArray:
-        return np.array([(*row, *[0.0] * (width - len(row))) for row in rows]).reshape(len(rows), width)
-
-    return Tableau(
-        1.0 / method.order,
-        np.array(nodes),
-        table(rows, len(nodes)),
-        np.array(method.weights),
-        table(embedded.estimates, len(method.weights)),
-        table(embedded.dense, len(nodes)),
-    )
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference_solver.mechanism.contact_laws import RigidWall, steepest
-from reference_solver.mechanism.mechanism import ClearanceJoint
-from reference_solver.methods import Method, dop853, tableau
+from reference_solver.mechanism.contacts import ClearanceJoint, steepest
+from reference_solver.methods import Method
 from reference_solver.tape import FloatArray, RecordArray
-
-#: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
-#: clipped because the law would pull.
-FLIGHT, CONTACT, CLIPPED = 0.0, 1.0, 2.0
 
 #: How ``loop.advance`` ends: at the end, with its budget of steps used, with the log full, at a step that met
 #: a singular configuration or overflowed, or at an event on a rigid wall that ``impacts`` is to resolve.
@@ -23,9 +18,10 @@ DONE, SPENT, FULL, FAILED, WALL = range(5)
 #: tolerances of y, 0 of the sums; memory; from DENSE on coefficients of dense output, and from SLOPES on the
 #: slopes of stages, at the end, and what dense output takes beside them.
 OLD, NEW, AT, START, END, WEIGHT, SPARE, DENSE = range(8)
-SLOPES = DENSE + 3 + len(tableau(dop853()).dense)
-#: Slopes at the most, events in the log, and fields of what the kernel's ``walls`` says of a rigid joint.
-MOST_SLOPES, LOG_ROWS, WALL_FIELDS = len(tableau(dop853()).nodes), 256, 7
+#: Slopes and rows of dense output at the most, DOP853's; events in the log, and fields of what the kernel's
+#: ``walls`` says of a rigid joint.
+MOST_SLOPES, MOST_DENSE, LOG_ROWS, WALL_FIELDS = 16, 4, 256, 7
+SLOPES = DENSE + 3 + MOST_DENSE
 
 #: A contact row that is this small a part of itself once the ideal joints are eliminated depends on them.
 DEPENDENT = 1e-12
@@ -58,7 +54,7 @@ class Gap(NamedTuple):
 
 GAP_FIELDS = len(Gap._fields)
 
-#: A contact. Its state: phase and memory (see ``mechanism.contact_laws``), the time of its touch, the
+#: A contact. Its state: phase and memory (see ``mechanism.contacts``), the time of its touch, the
 #: duration expected then, and its ``Equations.mobilities`` when last looked up. Its law: radial clearance,
 #: stiffness, exponent, damping factor, minimum impact speed, steepest slope of friction in s/m, whether the
 #: force is clipped, and restitution. Of a rigid wall: that it is one, the round-off of g and of its rate, and
@@ -112,8 +108,9 @@ RUN_RECORD = np.dtype(
     ]
 )
 
-#: A method with an error estimate (see ``methods.Tableau``): one over its order, numbers of stages, of
-#: slopes, and of rows of dense output.
+#: A method with an error estimate, its arrays filled up with zeros (see ``methods.Embedded``): one over its
+#: order, numbers of stages, of slopes, and of rows of dense output. Nodes and matrix are those of all slopes:
+#: of its stages, at the step's end, and for dense output.
 METHOD_RECORD = np.dtype(
     [
         *record("exponent", "stages slopes dense_rows"),
@@ -121,7 +118,7 @@ METHOD_RECORD = np.dtype(
         ("weights", np.float64, MOST_SLOPES),
         ("matrix", np.float64, (MOST_SLOPES, MOST_SLOPES)),
         ("estimates", np.float64, (2, MOST_SLOPES)),
-        ("dense", np.float64, (SLOPES - DENSE - 3, MOST_SLOPES)),
+        ("dense", np.float64, (MOST_DENSE, MOST_SLOPES)),
     ]
 )
 
@@ -136,7 +133,7 @@ class Impact(NamedTuple):
     ``kind``: a "contact" with a compliant wall; an "impact" with a rigid one's restitution; a "closing"
     without rebound, after which the pin follows it; a "support", passed on by a pin that followed its wall
     when another hit. The approach speed and the impulse along n are positive, the latter pushing the pin
-    inwards; the tangential one is on the pin along t (see ``contact_forces``). ``energy_lost_J`` is this
+    inwards; the tangential one is on the pin along t (see ``contacts``). ``energy_lost_J`` is this
     contact's part, friction's included; ``effective_mass_kg`` is its own on a rigid wall. What a compliant
     contact does not tell is NaN; so are, of a rigid wall, the largest normal force and penetration, and their
     times.
@@ -190,12 +187,6 @@ class Run(NamedTuple):
         """Return the sums, a view."""
         return self.rows[OLD, 2 * len(self.q) : self.state["size"][0]]
 
-    @property
-    def gaps(self) -> FloatArray:
-        """Return the contacts' gaps (K, 7), a view (see ``Gap``)."""
-        first, fields = int(self.state["size"][0]), GAP_FIELDS * len(self.contacts)
-        return self.rows[OLD, first : first + fields].reshape(-1, GAP_FIELDS)
-
 
 def new_run(
     method: Method,
@@ -218,7 +209,15 @@ def new_run(
     rows = np.zeros((SLOPES + MOST_SLOPES, max(size + gaps + 1 + 2 * n, 3 * K, of_walls)))
     samples = np.zeros((len(times), size + multipliers + 4 * K))
     for k, (contact, joint) in enumerate(zip(contacts, joints, strict=True)):
-        set_contact(contact, joint)
+        law, friction = joint.law, joint.friction
+        contact["clearance"], contact["rigid"] = joint.radial_clearance_m, joint.rigid
+        contact["friction"] = 0.0 if friction is None else friction.coefficient * steepest(friction)
+        contact["slowest"] = law.minimum_impact_speed_m_s
+        if joint.rigid:
+            contact["restitution"] = law.restitution
+        else:
+            contact["stiffness"], contact["exponent"] = law.stiffness, law.exponent
+            contact["factor"], contact["clipped"] = law.damping_factor, law.clipped
         contact["column"] = sums.index(f"normal{k}")
         contact["losses"] = sum(name in sums for name in (f"loss{k}", f"clip{k}", f"slide{k}"))
         contact["number"] = sum(other.rigid for other in joints[:k])
@@ -234,25 +233,16 @@ def new_run(
 
 def record_of(method: Method) -> RecordArray | None:
     """Return a method with an error estimate as ``METHOD_RECORD`` (1,), None of another."""
-    if method.embedded is None:
+    embedded, records = method.embedded, np.zeros(1, METHOD_RECORD)
+    if embedded is None:
         return None
-    table, methods = tableau(method), np.zeros(1, METHOD_RECORD)
-    methods["exponent"], methods["stages"] = table.exponent, len(table.weights)
-    methods["slopes"], methods["dense_rows"] = len(table.nodes), len(table.dense)
-    for name in ("nodes", "weights", "matrix", "estimates", "dense"):
-        part = getattr(table, name)
-        methods[name][0][tuple(slice(0, length) for length in part.shape)] = part
-    return methods
-
-
-def set_contact(contact: np.void, joint: ClearanceJoint) -> None:
-    """Set a contact's law; its pin is in flight."""
-    law, friction = joint.law, joint.friction
-    contact["clearance"], contact["rigid"] = joint.radial_clearance_m, joint.rigid
-    contact["friction"] = 0.0 if friction is None else friction.coefficient * steepest(friction)
-    contact["slowest"] = law.minimum_impact_speed_m_s
-    if isinstance(law, RigidWall):
-        contact["restitution"] = law.restitution
-    else:
-        contact["stiffness"], contact["exponent"] = law.stiffness, law.exponent
-        contact["factor"], contact["clipped"] = law.damping_factor, law.clipped
+    stages, (record,) = len(method.weights), records
+    record["exponent"], record["stages"] = 1.0 / method.order, stages
+    record["slopes"], record["dense_rows"] = embedded.slopes, len(embedded.dense)
+    record["nodes"][: embedded.slopes] = (*method.nodes, 1.0, *embedded.nodes)
+    record["weights"][:stages] = method.weights
+    matrix = (*method.matrix, method.weights, *embedded.matrix)
+    for name, rows in (("matrix", matrix), ("estimates", embedded.estimates), ("dense", embedded.dense)):
+        for k, row in enumerate(rows):
+            record[name][k, : len(row)] = row
+    return records

@@ -1,30 +1,22 @@
 """What a run gives: samples of the motion, forces and sums, and what its contacts did."""
 
 from dataclasses import dataclass
-from itertools import accumulate
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_solver.impacts import Impacts, ModeChange
+from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.run import FLIGHT, REBOUND, RELEASE, SUPPORT, Impact
+from reference_solver.run import REBOUND, RELEASE, SUPPORT, Impact, Run
 from reference_solver.tape import FloatArray, RecordArray
 
-#: What a contact dissipates by (see ``contact_forces.rates_of``).
+#: What a contact dissipates by (see ``contacts.rates_of``).
 LOSSES = ("loss", "clip", "slide", "impact", "closing")
 #: What an event that ends a contact tells of it.
 ENDED = ["time_s", "contact", "what", "approach", "impulse", "lost", "mass", "began_s"]
 ENDED += ["force", "force_s", "deepest", "deepest_s"]
-
-
-@dataclass(frozen=True)
-class ModeChange:
-    """From this time on the pins of these contacts follow their rigid walls, and the others fly."""
-
-    time_s: float
-    following: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -109,24 +101,39 @@ class Solution:
         return np.sum(lost, axis=0) if lost else np.zeros(len(self.time_s))
 
 
-def columns_of(samples: FloatArray, n: int, names: list[str], contacts: int) -> dict[str, Any]:
-    """Return what rows of samples (s, w) have for a ``Solution`` (see ``run.Run``).
-
-    They are of n coordinates, and of sums by their names.
-    """
-    pairs = 2 * contacts
+def solution_of(
+    run: Run,
+    mechanism: Mechanism,
+    names: list[str],
+    events: RecordArray,
+    walls: Impacts | None,
+    took_s: float,
+) -> Solution:
+    """Return what a run with a log (E,) gives, its sums by their names; ``walls`` are the rigid ones."""
+    samples, n, pairs, (state,) = run.samples, len(run.q), 2 * len(run.contacts), run.state
     sizes = n, n, len(names), samples.shape[1] - 2 * (n + pairs) - len(names), pairs, pairs
-    parts = (samples[:, end - size : end] for size, end in zip(sizes, accumulate(sizes), strict=True))
-    q, v, sums, multipliers, forces, phases = map(np.ascontiguousarray, parts)
-    return {
-        "q": q,
-        "v": v,
-        "sums": dict(zip(names, sums.T, strict=True)),
-        "multipliers": multipliers,
-        "normal_force_N": forces[:, ::2],
-        "friction_force_N": forces[:, 1::2],
-        "phases": phases.reshape(len(samples), -1, 2),
-    }
+    ends = np.cumsum(sizes)[:-1].tolist()
+    q, v, sums, multipliers, forces, phases = map(np.ascontiguousarray, np.split(samples, ends, axis=1))
+    happened = impacts_in(events)
+    if walls is not None:
+        happened = sorted([*happened, *walls.impacts], key=lambda i: i.time_s + i.duration_s)
+    return Solution(
+        mechanism,
+        run.times,
+        q,
+        v,
+        multipliers,
+        phases.reshape(len(samples), -1, 2),
+        normal_force_N=forces[:, ::2],
+        friction_force_N=forces[:, 1::2],
+        sums=dict(zip(names, sums.T, strict=True)),
+        events=events[events["what"] < REBOUND],
+        impacts=tuple(happened),
+        mode_changes=() if walls is None else tuple(walls.changes),
+        steps=int(state["steps"]),
+        solve_time_s=took_s,
+        condition=float(state["condition"]),
+    )
 
 
 def impacts_in(events: RecordArray) -> list[Impact]:

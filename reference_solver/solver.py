@@ -9,23 +9,19 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from reference_solver import failures
-from reference_solver.checks import POSITIVE, is_count, is_number, require, require_positive, require_vector
-from reference_solver.contact_forces import separation
+from reference_solver.energy import Guard
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.guard import Guard
 from reference_solver.impacts import Impacts
+from reference_solver.mechanism.contacts import CONTACT, FLIGHT, separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853, dopri5, step
 from reference_solver.run import (
-    CONTACT,
     DONE,
     FAILED,
-    FLIGHT,
     FULL,
     OLD,
-    REBOUND,
     SPENT,
     START,
     WALL,
@@ -34,7 +30,7 @@ from reference_solver.run import (
     Run,
     new_run,
 )
-from reference_solver.solution import Solution, columns_of, impacts_in
+from reference_solver.solution import Solution, solution_of
 from reference_solver.tape import FloatArray, RecordArray
 
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
@@ -47,9 +43,6 @@ Stabilisation = Literal["none", "projection"] | Baumgarte
 LOWEST_FLIGHT = 2.0
 #: The methods of error control, of orders 8 and 5.
 METHODS = {"dop853": dop853, "dopri5": dopri5}
-#: Takes the time in s that a run has reached.
-Tell = Callable[[float], None]
-
 #: Largest violation of the constraints accepted at t = 0 in m and rad, and, per unit of speed, in velocity.
 START_TOLERANCE = 1e-9
 #: Positions and speeds in m, rad and s whose squares would still be numbers are below this.
@@ -81,10 +74,6 @@ class StepChoice:
     closing_flight_fraction: float = 1e-3
     lowest_flight: float | None = None
 
-    def __post_init__(self) -> None:
-        require_positive(self, "longest_s", "steps_per_contact", "closing_flight_fraction")
-        require_flight("StepChoice", self.lowest_flight)
-
     def at(self, longest_s: float) -> "StepChoice":
         """Return both rates in proportion, at another longest step."""
         per_contact = self.steps_per_contact * self.longest_s / longest_s
@@ -110,19 +99,6 @@ class ErrorControl:
     method: Literal["dop853", "dopri5"] = "dop853"
     lowest_flight: float | None = None
 
-    def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise ValueError(f"ErrorControl.method: expected dop853 or dopri5, got {self.method!r}")
-        tolerance, longest = self.tolerance, self.longest_s
-        valid, wanted = is_number(tolerance) and 0 < tolerance < 1, "a finite number > 0 and < 1"
-        require("ErrorControl.tolerance", tolerance, valid, wanted)
-        require("ErrorControl.longest_s", longest, longest > 0, "a number > 0")
-        require_flight("ErrorControl", self.lowest_flight)
-
-
-def nobody(_: float) -> None:
-    """Tell nobody how far a run has come."""
-
 
 def solve(
     mechanism: Mechanism,
@@ -142,13 +118,11 @@ def solve(
     samples' interval. Steps end where prescribed motions, and loads by a body's angle, are not smooth.
 
     Raises:
-        ValueError: one of these is out of range, or walls are rigid without projection or located events.
         InconsistentStart: q or v violate the constraints, or a pin is outside a rigid bearing.
         SolverError: a step or an impact failed; it says which and when.
     """
-    require_run(end_time_s, samples)
     choice = step if isinstance(step, StepChoice | ErrorControl) else StepChoice(step)
-    q, v = (require_vector(name, x, 3 * len(mechanism.bodies)) for name, x in (("q", q), ("v", v)))
+    q, v = np.array(q, dtype=float), np.array(v, dtype=float)
     check_start(mechanism, q, v)
     return Solver(mechanism, q, choice, stabilisation).run(q, v, end_time_s, samples)
 
@@ -168,24 +142,16 @@ class Solver:
         stabilisation: Stabilisation = "projection",
     ) -> None:
         self._mechanism, self._choice, self._joints = mechanism, choice, mechanism.contacts
-        valid = stabilisation in ("none", "projection") or isinstance(stabilisation, Baumgarte)
-        require("stabilisation", stabilisation, valid, "none, projection or Baumgarte's gains")
         self._rigid = any(joint.rigid for joint in self._joints)
-        located = isinstance(choice, ErrorControl) or choice.locate_events
-        if self._rigid and not (stabilisation == "projection" and located):
-            raise ValueError(
-                "rigid walls: expected stabilisation = projection and located events, got others"
-            )
         self._baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
-        self._projected = stabilisation == "projection"
-        self._q_start = require_vector("q_start", q_start, 3 * len(mechanism.bodies))
-        self._equations = Equations(mechanism, self._q_start, self._baumgarte)
+        self._projected, self._q_start = stabilisation == "projection", q_start
+        self._equations = Equations(mechanism, q_start, self._baumgarte)
         self._names = [*self._equations.power_names, "removed"]
         self._method = METHODS[choice.method]() if isinstance(choice, ErrorControl) else RK4
         self._kernels: dict[tuple[int, ...], Kernel] = {}
         self.steps = self.settled = 0
         # The loop is compiled or loaded here and not in the run: a run of no length does it.
-        self._advance(self._new(self._q_start, np.zeros_like(self._q_start), np.zeros(1), 0.0, 1.0))
+        self._advance(self._new(q_start, np.zeros_like(q_start), np.zeros(1), 0.0, 1.0))
 
     def _kernel(self, following: tuple[int, ...]) -> "Kernel":
         from reference_solver.kernel import Kernel, Topology
@@ -195,62 +161,42 @@ class Solver:
             self._kernels[following] = Kernel(topology, self._q_start)
         return self._kernels[following]
 
-    @property
-    def _chunk(self) -> int:
-        """The steps of one call."""
-        return 1 + CHUNK // (self._equations.n * len(self._method.weights))
-
     def _new(
         self, q: FloatArray, v: FloatArray, times: FloatArray, end_time_s: float, interval_s: float
     ) -> Run:
         """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
-        sizes, kernel = (len(q), len(self._equations.C)), self._kernel(())
+        (n, m), kernel = (len(q), len(self._equations.C)), self._kernel(())
         knots = self._mechanism.knots_by_angle
-        run = new_run(self._method, self._joints, self._names, sizes, times, knots)
+        run = new_run(self._method, self._joints, self._names, (n, m), times, knots)
         kernel.bind(run)
         run.q[:], run.v[:] = q, v
         kernel["rates"](kernel.p, run.contacts.ctypes.data, 0.0, run.rows[OLD], run.rows[START])
-        n, (state,) = len(q), run.state
+        (state,), choice = run.state, self._choice
         scales = scales_of(self._mechanism, run.q, run.v, run.rows[START, n : 2 * n], end_time_s)
-        state["length"], state["rate"] = scales.length_m, scales.rate_s
-        state["longest"], state["end"] = self._choice.longest_s, end_time_s
-        state["lowest"] = self._choice.lowest_flight or LOWEST_FLIGHT
-        if isinstance(self._choice, ErrorControl):
-            self._set_control(run, self._choice.tolerance)
+        length, rate = state["length"], state["rate"] = scales.length_m, scales.rate_s
+        state["longest"], state["end"] = choice.longest_s, end_time_s
+        state["lowest"], follows_all = choice.lowest_flight or LOWEST_FLIGHT, choice.lowest_flight is not None
+        if isinstance(choice, ErrorControl):
+            weights = 1.0 / (choice.tolerance * np.tile([length, length, 1.0], n // 3))
+            run.rows[WEIGHT, : 2 * n] = np.concatenate([weights, weights / rate])
+            state["controlled"], state["located"], state["tolerance"] = 1, 1, choice.tolerance
+            state["step"] = state["flight_step"] = FIRST_STEP / rate
+            state["first_part"] = FIRST_PART_OF_CONTACT
+            # A flight as high as the tolerance, if pins are pushed on by the mechanism's own accelerations.
+            shortest_s = np.sqrt(8.0 * choice.tolerance) / rate
         else:
-            self._set_lengths(run, self._choice, end_time_s, interval_s)
+            state["per_contact"] = choice.steps_per_contact
+            state["located"] = bool(self._joints) and choice.locate_events
+            shortest_s = choice.closing_flight_fraction * choice.longest_s
+            if not state["located"]:  # all steps have one length, of which the interval is a multiple
+                intervals = max(
+                    1, round(end_time_s / interval_s)
+                )  # the step is the same for all that it fits
+                steps = intervals * np.ceil(interval_s / choice.longest_s * (1 - 1e-9))
+                state["longest"] = (end_time_s or interval_s) / steps
+                state["slack"] = SLACK * state["longest"]
+        state["shortest_s"] = 0.0 if follows_all else shortest_s
         return run
-
-    def _set_control(self, run: Run, tolerance: float) -> None:
-        """Set error control by the mechanism's scales at a run's start."""
-        n, (state,) = len(run.q), run.state
-        rate = float(state["rate"])
-        weights = 1.0 / (tolerance * np.tile([state["length"], state["length"], 1.0], n // 3))
-        run.rows[WEIGHT, : 2 * n] = np.concatenate([weights, weights / rate])
-        state["controlled"], state["located"], state["tolerance"] = 1, 1, tolerance
-        state["step"] = state["flight_step"] = FIRST_STEP / rate
-        state["first_part"] = FIRST_PART_OF_CONTACT
-        if self._choice.lowest_flight is None:
-            # A flight of this height, if pins are pushed on by the mechanism's own accelerations.
-            state["shortest_s"] = np.sqrt(8.0 * tolerance) / rate
-
-    def _set_lengths(self, run: Run, choice: StepChoice, end_time_s: float, interval_s: float) -> None:
-        """Set the lengths of steps of RK4; where all have one, the samples' interval is a multiple of it."""
-        (state,) = run.state
-        state["per_contact"], state["located"] = choice.steps_per_contact, self._by_events
-        if choice.lowest_flight is None:
-            state["shortest_s"] = choice.closing_flight_fraction * choice.longest_s
-        if not self._by_events:
-            intervals = max(1, round(end_time_s / interval_s))  # the step is the same for all that it fits
-            steps = intervals * np.ceil(interval_s / choice.longest_s * (1 - 1e-9))
-            state["longest"] = (end_time_s or interval_s) / steps
-            state["slack"] = SLACK * state["longest"]
-
-    @property
-    def _by_events(self) -> bool:
-        """Whether contacts' events are located, so that steps have any length."""
-        located = isinstance(self._choice, ErrorControl) or self._choice.locate_events
-        return bool(self._joints) and located
 
     def _advance(self, run: Run) -> int:
         """Advance a run from its present state on; return how that ended."""
@@ -266,7 +212,7 @@ class Solver:
         v: FloatArray,
         end_time_s: float,
         samples: int,
-        tell: Tell = nobody,
+        tell: Callable[[float], None] | None = None,
         times_s: FloatArray | None = None,
     ) -> Solution:
         """Integrate from q and v, which ``check_start`` is to have passed, as ``solve`` does.
@@ -274,10 +220,19 @@ class Solver:
         ``tell`` is called now and then with the time reached. With contacts ``times_s`` (s,), in order from 0
         to the end, may be those of the samples.
         """
-        require_run(end_time_s, samples)
         times = np.linspace(0.0, end_time_s, samples + 1) if times_s is None else times_s
         run = self._new(q, v, times, end_time_s, end_time_s / samples)
-        (state,), events = run.state, list[RecordArray]()
+        try:
+            return self._run(run, end_time_s, tell)
+        except failures.SolverError as error:
+            limit_s = self._equations.limit_s(times, run.samples[:, : len(q)], int(run.state["taken"][0]))
+            if limit_s is None:
+                raise
+            raise failures.LimitPosition(limit_s) from error
+
+    def _run(self, run: Run, end_time_s: float, tell: Callable[[float], None] | None) -> Solution:
+        """Take a run to its end, part by part, and hold it to its energy."""
+        (state,), events, method = run.state, list[RecordArray](), self._method
         self.steps = self.settled = 0
         knots = (t for t in self._mechanism.knots_s(float(state["longest"])) if 0 < t < end_time_s)
         landings = chain(knots, [end_time_s])  # steps end where prescribed motions are not smooth
@@ -286,10 +241,11 @@ class Solver:
         impacts = Impacts(self._equations, self._names, kernel["walls"], kernel.p) if self._rigid else None
         if impacts is not None:
             self._resolve_first(impacts, run)
+        chunk = 1 + CHUNK // (len(run.q) * len(method.weights))
         status, took = SPENT, 0.0
         while status != DONE:
             following = () if impacts is None else impacts.following
-            begin, chunk = float(state["time"]), self._chunk
+            begin = float(state["time"])
             state["logged"], state["budget"] = 0, state["steps"] + chunk
             self._kernel(following).bind(run)
             started = time.perf_counter()
@@ -299,7 +255,8 @@ class Solver:
             took += time.perf_counter() - started
             events.append(state["events"][: state["logged"]].copy())
             self.steps, self.settled = int(state["steps"]), 0 if impacts is None else impacts.resolved
-            tell(float(state["time"]))
+            if tell is not None:
+                tell(float(state["time"]))
             if status == FAILED:
                 self._refuse(following, run)
             if status in (SPENT, FULL) and state["time"] == begin:
@@ -308,10 +265,9 @@ class Solver:
                 state["end"], status = next(landings), SPENT
         if not max(np.abs(run.q).max(), np.abs(run.v).max()) < LARGEST:  # squares of more are no numbers
             raise failures.NonFiniteState(end_time_s, float(state["longest"]))
-        solution = self._solution(run, np.concatenate(events), impacts, took)
+        solution = solution_of(run, self._mechanism, self._names, np.concatenate(events), impacts, took)
         scales = Scales(float(state["length"]), float(state["rate"]))
-        tolerance = self._choice.tolerance if isinstance(self._choice, ErrorControl) else None
-        guard = Guard(solution, scales, float(state["longest"]), tolerance)
+        guard = Guard(solution, scales, float(state["longest"]), float(state["tolerance"]))
         guard.check_energy()
         if not self._projected:
             guard.check_drift(self._equations, float(state["least"]))
@@ -352,34 +308,6 @@ class Solver:
         if np.isfinite(after.q).all() and np.isfinite(after.v).all():
             raise failures.NearSingular(t, h, float(after.condition))
         raise failures.NonFiniteState(t + h, h)
-
-    def _solution(self, run: Run, events: RecordArray, impacts: Impacts | None, took_s: float) -> Solution:
-        happened = impacts_in(events)
-        if impacts is not None:
-            happened = sorted([*happened, *impacts.impacts], key=lambda i: i.time_s + i.duration_s)
-        return Solution(
-            mechanism=self._mechanism,
-            time_s=run.times,
-            **columns_of(run.samples, len(run.q), self._names, len(self._joints)),
-            events=events[events["what"] < REBOUND],
-            impacts=tuple(happened),
-            mode_changes=() if impacts is None else tuple(impacts.changes),
-            steps=self.steps,
-            solve_time_s=took_s,
-            condition=float(run.state["condition"][0]),
-        )
-
-
-def require_flight(part: str, lowest: float | None) -> None:
-    """Raise ValueError unless a lowest flight is none, or one that round-off does not hide."""
-    valid = lowest is None or (is_number(lowest) and lowest >= LOWEST_FLIGHT)
-    require(f"{part}.lowest_flight", lowest, valid, f"a finite number >= {LOWEST_FLIGHT:g} or None")
-
-
-def require_run(end_time_s: float, samples: int) -> None:
-    """Raise ValueError unless a run has an end and samples."""
-    require("end_time_s", end_time_s, is_number(end_time_s) and end_time_s > 0, POSITIVE)
-    require("samples", samples, is_count(samples), "an integer >= 1")
 
 
 def check_start(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> None:

@@ -27,10 +27,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reference_solver.contact_forces import sliding_row
 from reference_solver.factorisation import Factors, eliminated
-from reference_solver.mechanism.contact_laws import FRICTION_LAWS, FrictionLaw, steepest
-from reference_solver.mechanism.mechanism import ClearanceJoint
+from reference_solver.mechanism.contacts import FRICTION_LAWS, ClearanceJoint, sliding_row, steepest
+from reference_solver.mechanism.data import FrictionLaw
 from reference_solver.mechanism.points import State, ends_of
 from reference_solver.tape import Array, Scalar, array, both, larger, sqrt
 
@@ -70,7 +69,7 @@ def rubbed(pins: list[Rubbing], state: State, factors: Factors, multipliers: Arr
     T = array([_sliding(pin.joint, state, n) for pin in pins])
     sliding = T @ state.v
     shares = [
-        pin.law.coefficient * pin.joint.radial_clearance_m * FRICTION_LAWS[pin.law.kind](pin.law, speed)
+        pin.law.coefficient * pin.joint.radial_clearance_m * FRICTION_LAWS[pin.law.law](pin.law, speed)
         for pin, speed in zip(pins, sliding, strict=True)
     ]
     s = array(shares)

@@ -60,7 +60,7 @@ IDEAL = (
 )
 LOOSE = (
     *(arms.LOCATED, arms.LOCATED_ALONE, arms.PLAIN, arms.PLAIN_RK4, arms.REFERENCE_DOP853),
-    *(arms.TRAPEZOIDAL, arms.GENERALIZED_ALPHA, arms.RK44, arms.DOPRI5, arms.WIDE_GAP),
+    *(arms.TRAPEZOIDAL, arms.GENERALIZED_ALPHA, arms.RK44, arms.DOPRI5),
     *(arms.AS_THE_SCENE, arms.SHORTER_IN_CONTACT, arms.NATIVE_CONTACT, arms.SCIPY_DOP853, arms.LSODA),
 )
 

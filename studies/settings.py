@@ -79,7 +79,6 @@ COMPLIANT: Series = {
     arms.PLAIN: ((), range(6)),
     arms.REFERENCE_DOP853: ((8, 10, 12), range(6, 13)),
     arms.DOPRI5: ((6, 8, 10), range(4, 12)),
-    arms.WIDE_GAP: ((), range(4, 7)),
     arms.TRAPEZOIDAL: ((), range(5)),
     arms.AS_THE_SCENE: ((), range(5)),
     arms.SHORTER_IN_CONTACT: ((1, 2), range(5)),
@@ -183,12 +182,13 @@ def turns_of(scene: Scene) -> float:
 def speeds_rad_s(scene: Scene) -> FloatArray:
     """Return the speed of the crank or of the turning body, or the fastest body's, at equal intervals, (n,).
 
-    Of a plain crank-slider it is the drive's or else the start's, of others that of the true motion.
+    Of a crank-slider it is the drive's or else the start's, of others, or where the slider is driven, that of
+    the true motion.
 
     Raises:
         UnsupportedScene, SimulationFailed: there is no true motion.
     """
-    if scene.is_plain:
+    if scene.is_short and scene.drive.guide is None:
         if not scene.speed_is_prescribed:
             return np.array([scene.placed.v[2]])
         _, speeds, _ = Forces(scene).motion(np.linspace(0.0, scene.end_time_s, LOOKS))

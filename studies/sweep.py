@@ -12,7 +12,7 @@ import numpy as np
 
 from engine_models.arms import AS_IT_COMES, Arm, Setting
 from engine_models.convergence.doubts import doubts
-from engine_models.engine import Contact, Engine, FloatArray, RunSettings, SimulationFailed, Trajectory, plain
+from engine_models.engine import Contact, Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.start import start_angle, start_state
@@ -187,8 +187,6 @@ def member_cases(
                 checked = member(scene, {**first, name: float(end)}, turns)
             except SceneError as error:
                 raise BadInput(f"vary {error}") from None
-            if not engine.any_mechanism:
-                plain(checked, engine_name)
             engine.check(checked)
     arm, run = Arm(engine_name, AS_IT_COMES), RunSettings(columns["step"] or scene.end_time_s, 1)
     cases = []
@@ -244,7 +242,7 @@ def measure(case: Case) -> tuple[Row, Curves]:
     longest_s = scene.end_time_s if columns["step"] is None else float(str(columns["step"]))
     with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
         run = engine.simulate(scene, RunSettings(min(longest_s, scene.end_time_s), samples))
-        warnings = doubts(engine, scene, run, to_tolerance=False)
+        warnings = doubts(engine, scene, run, None)
     numbers = {**quality_of(scene, run).parts(), **summary(scene, run, transient, revolutions)}
     known = {name: value for name, value in numbers.items() if math.isfinite(value)}
     return {"warnings": "; ".join(warnings), **known}, {}

@@ -36,7 +36,6 @@ class Rattle(Engine):
     """RATTLE with equal steps, of order 2; it has no settings."""
 
     order = 2
-    any_mechanism = True
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene for a scene that the model does not cover."""

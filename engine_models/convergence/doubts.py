@@ -1,22 +1,21 @@
-"""What a run is warned of: doubtful quality, a slider that is not known well, settings without effect.
+"""What a run is warned of: doubtful quality, motion that half the step changes, settings without effect.
 
 And what its scene is: splines that leave the values of their tables.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.states import lever_m, observed_in_words, observed_m
-from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.curves import curve_of
 from reference_solver.mechanism.data import Course, Motor, Table, Torque
+from reference_solver.mechanism.motions import curve_of
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -87,29 +86,11 @@ def doubts_of_tables(scene: Scene) -> list[str]:
     return lines
 
 
-def doubtful_from_s(engine: ReferenceEngine, scene: Scene, run: Trajectory) -> float | None:
-    """Return from when on the slider of the reference's run may be off by 1 % of the smallest clearance.
+def doubts(engine: Engine, scene: Scene, run: Trajectory, settings: RunSettings | None) -> list[str]:
+    """Return a line for each doubt about a run.
 
-    Without clearance it is 1 % of the crank. That is where a run at half the step, and twice the steps per
-    contact, or at a hundredth of the tolerance, is half so far away; None where it never is.
-
-    Raises:
-        SimulationFailed: that run fails.
-    """
-    settings = RunSettings(run.step_s if engine.controls_error else run.step_s / 2, len(run.time_s) - 1)
-    finer = engine.finer().simulate(scene, settings)
-    far = np.abs(observed_m(scene, run) - observed_m(scene, finer)) > DOUBTFUL_PART * measure_m(scene) / 2
-    return float(run.time_s[np.argmax(far)]) if far.any() else None
-
-
-def measure_m(scene: Scene) -> float:
-    """Return the smallest radial clearance, or without any the longest lever, the crank of a crank-slider."""
-    radial = (clearance.radial_clearance_m for clearance in scene.clearances.values())
-    return min(radial, default=lever_m(scene))
-
-
-def doubts(engine: Engine, scene: Scene, run: Trajectory, to_tolerance: bool) -> list[str]:
-    """Return a line for each doubt about a run; one to a tolerance has been held against more already.
+    With the settings with which it has run, it is run once more at half the step, and with a tenth of the
+    engine's own tolerance, if it has one.
 
     Raises:
         SimulationFailed: the run is none.
@@ -119,16 +100,24 @@ def doubts(engine: Engine, scene: Scene, run: Trajectory, to_tolerance: bool) ->
         raise SimulationFailed(failure)
     lines = [*doubts_of_tables(scene), *quality.warnings()]
     lines += [f"{name} changes nothing with {by}" for name, by in engine.idle().items()]
-    if isinstance(engine, ReferenceEngine) and not to_tolerance:
-        try:
-            when = doubtful_from_s(engine, scene, run)
-        except SimulationFailed as failure:
-            return [*lines, f"not tested by shorter steps: {failure}"]
-        if when is not None:
-            lever = "crank" if scene.is_short else "longest lever"
-            measure = "smallest clearance" if scene.joints_with_clearance else lever
-            share = f"{100 * DOUBTFUL_PART:g} % of the {measure} or more"
-            doubtful = f"{observed_in_words(scene)} in doubt by {share}"
-            advice = "use --tolerance, or end the run before"
-            lines.append(f"{doubtful} from t = {when:.6g} s on, by a run at shorter steps: {advice}")
-    return lines
+    return lines if settings is None else lines + _doubts_of_steps(engine, scene, run, settings)
+
+
+def _doubts_of_steps(engine: Engine, scene: Scene, run: Trajectory, settings: RunSettings) -> list[str]:
+    """Return a line if what is observed may be off by ``DOUBTFUL_PART``: half of it moves in the other run.
+
+    For an error of order 1 halves with the step, those of higher orders fall by more.
+    """
+    try:
+        finer = engine.sharper().simulate(scene, replace(settings, step_s=settings.step_s / 2))
+    except (SimulationFailed, UnsupportedScene) as reason:
+        return [f"not checked by a run at half the step: {reason}"]
+    radial = [clearance.radial_clearance_m for clearance in scene.clearances.values()]
+    measure_m = min(radial, default=lever_m(scene))  # of a crank-slider its crank
+    far = np.abs(observed_m(scene, run) - observed_m(scene, finer)) > DOUBTFUL_PART * measure_m / 2
+    if not far.any():
+        return []
+    measure = "smallest clearance" if radial else "crank" if scene.is_short else "longest lever"
+    share = f"{100 * DOUBTFUL_PART:g} % of the {measure} or more"
+    when = f"from t = {run.time_s[np.argmax(far)]:.6g} s on, by a run at half the step"
+    return [f"{observed_in_words(scene)} in doubt by {share} {when}: use --tolerance, or end the run before"]

@@ -12,7 +12,6 @@ Exudyn recorded.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from engine_models.mechanics.states import pin_gap
 from engine_models.minimal.forces import ContactStates, Forces
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import damping_factor_of, minimum_impact_speed_of
+from reference_solver.mechanism.contacts import damping_factor_of, minimum_impact_speed_of
 from reference_solver.mechanism.data import Pin
 
 #: Hunt-Crossley's form ends at e' = 0; Carvalho-Martins' gives way to Gonthier's at e' = 1/3.
@@ -36,26 +35,17 @@ HALVINGS = 60
 BLINK = 1e-12
 
 
-@dataclass(frozen=True)
-class NativeLaw:
-    """Exudyn's parameters of a normal law; the restitution is Exudyn's e', not that of the scene."""
-
-    impact_model: int
-    restitution: float
-    damping_N_s_m: float
-
-
-def native_law(clearance: Clearance) -> NativeLaw:
-    """Return the law in Exudyn's parameters, with Exudyn's e' solved for from the law's own damping."""
+def native_law(clearance: Clearance) -> tuple[int, float]:
+    """Return Exudyn's impact model and its restitution e', solved for from the law's own damping factor."""
     a = damping_factor_of(clearance)
     if a == 0:
-        return NativeLaw(0, 1.0, clearance.damping_N_s_m or 0.0)
+        return 0, 1.0
     if a < LARGEST_OF_MODEL_1:
-        return NativeLaw(1, 1 - 2 * a / 3, 0.0)
+        return 1, 1 - 2 * a / 3
     if a < LARGEST_OF_CARVALHO_MARTINS:  # 3/2 e'^2 - (18 + 9a) e' + 33/2 - a = 0, its smaller root
         b = 18 + 9 * a
-        return NativeLaw(2, 2 * (16.5 - a) / (b + math.sqrt(b * b - 6 * (16.5 - a))), 0.0)
-    return NativeLaw(2, 2 / (a + math.sqrt(a * a + 4)), 0.0)  # e'^2 + a e' - 1 = 0
+        return 2, 2 * (16.5 - a) / (b + math.sqrt(b * b - 6 * (16.5 - a)))
+    return 2, 2 / (a + math.sqrt(a * a + 4))  # e'^2 + a e' - 1 = 0
 
 
 def native_twin(scene: Scene) -> Scene:
@@ -64,11 +54,10 @@ def native_twin(scene: Scene) -> Scene:
     Raises:
         UnsupportedScene: a law has no counterpart in Exudyn.
     """
-    rooms = scene.clearances.items()
-    return scene.replace({f"clearance.{name}": _native_twin(name, clearance) for name, clearance in rooms})
+    return scene.replace({f"clearance.{name}": _native(name, of) for name, of in scene.clearances.items()})
 
 
-def _native_twin(name: str, clearance: Clearance) -> Clearance:
+def _native(name: str, clearance: Clearance) -> Clearance:
     if clearance.law == "rigid":
         raise UnsupportedScene(
             f"exudyn has no rigid contact (clearance at {name}): its contacts are compliant"
@@ -132,15 +121,7 @@ def contact_record(
         friction_loss_J=friction_loss if rubs else None,
         clipped_loss_J=None,
         impacts=Impacts(
-            time_s=ended,
-            duration_s=release - ended,
-            approach_speed_m_s=states(ended).rate_m_s,
-            normal_impulse_N_s=over[0],
-            energy_lost_J=over[1] + over[2],
-            largest_normal_force_N=peaks[0][0],
-            largest_normal_force_time_s=peaks[0][1],
-            largest_penetration_m=peaks[1][0],
-            largest_penetration_time_s=peaks[1][1],
+            ended, release - ended, states(ended).rate_m_s, over[0], over[1] + over[2], *peaks[0], *peaks[1]
         ),
     )
 
@@ -161,8 +142,6 @@ def _touches_and_releases(motion: Motion, pin: Pin, clearance_m: float) -> tuple
     low, high = motion.time_s[changes], motion.time_s[changes + 1]
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        if not ((low < middle) & (middle < high)).any():
-            break
         before = closed_at(middle) == closed[changes]
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     opening = closed[changes]

@@ -5,7 +5,7 @@ import math
 import sys
 from dataclasses import replace
 from importlib import import_module
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import pydantic
 from pydantic import Field
@@ -50,9 +50,7 @@ class ExudynEngine(Engine):
     rad/s; the others take the run's step. With larger tolerances than are allowed runs have overflowed, and
     Exudyn then went on for ever. ``step_safety`` is the part that it takes of the step that the error
     estimate allows: at Exudyn's own 0.9 steps overflow here and there, at 0.8 they have not. In contact,
-    steps end on touch and release, with explicit solvers as closely as ``event_gap``, in parts of the
-    tolerance, and grow again. A wider gap costs fewer steps and is off by more, and by what is luck: 0.03
-    with a safety of 0.7 takes 0.7 of the time near 1e-5 m, and no less below 1e-6 m.
+    steps end on touch and release and grow again.
 
     ``spectral_radius`` (at infinite frequency) matters to the generalized-alpha method alone: 1 would keep
     the spurious oscillation of its multipliers for ever, 0.5 forgets it within some ten steps.
@@ -63,11 +61,8 @@ class ExudynEngine(Engine):
     solver: Literal["auto", "TrapezoidalIndex2", "GeneralizedAlpha", "DOPRI5", "RK44"] = "auto"
     step_tolerance: Annotated[float, Field(gt=0, le=1e-4)] = 1e-10
     step_safety: Annotated[float, Field(gt=0, lt=1)] = 0.8
-    event_gap: Annotated[float, Field(gt=0, le=1)] = 1e-4
     spectral_radius: Annotated[float, Field(ge=0, lt=1)] = 0.5
     timeout_s: Annotated[float, Field(gt=0)] = 120.0
-
-    any_mechanism: ClassVar[bool] = True
 
     def solver_of(self, scene: Scene) -> str:
         """Return the solver that runs a scene: the one set, or what ``auto`` stands for."""

@@ -27,7 +27,7 @@ from engine_models.mechanics.states import pin_gap
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import exponent_of, minimum_impact_speed_of, stiffness_of
+from reference_solver.mechanism.contacts import exponent_of, minimum_impact_speed_of, stiffness_of
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Course, Guide, Pin, Point
 
 items: Any = itemInterface  # its constructors carry no types
@@ -196,7 +196,8 @@ class Model:
         """
         clearance = scene.clearances[pin.name]
         c, radius, friction = clearance.radial_clearance_m, clearance.bearing_radius_m, clearance.friction
-        law, start = native_law(clearance), pin_gap(pin, position[None], velocity[None])
+        impact_model, restitution = native_law(clearance)
+        start = pin_gap(pin, position[None], velocity[None])
         (gap,), (rate,) = start.gap_m, start.rate_m_s
         distance = float(np.hypot(*gap))
         normal = gap / distance if distance > 0 else np.zeros(2)
@@ -211,9 +212,9 @@ class Model:
             isHollowSphere1=True,
             contactStiffness=stiffness_of(clearance),
             contactStiffnessExponent=exponent_of(clearance),
-            contactDamping=law.damping_N_s_m,
-            impactModel=law.impact_model,
-            restitutionCoefficient=law.restitution,
+            contactDamping=clearance.damping_N_s_m or 0.0,
+            impactModel=impact_model,
+            restitutionCoefficient=restitution,
             minimumImpactVelocity=minimum_impact_speed_of(clearance),
             dynamicFriction=0.0 if friction is None else friction.coefficient,
             frictionProportionalZone=1.0 if friction is None else friction.regularisation_speed_m_s,
@@ -241,24 +242,22 @@ class Model:
                     self.mbs.AddLoad(items.LoadTorqueVector(markerNumber=self._marker(j), loadVector=torque))
                 sides = [self._marker(GROUND), self._marker(j)]
                 item = items.ObjectConnectorTorsionalSpringDamper(markerNumbers=sides, damping=damper)
-            elif row[0] == eq.LINE and coordinate is not None:
+            elif coordinate is not None:
                 branch = self.branches[coordinate[0]]
                 sign = -1.0 if branch.links[coordinate[1]].body == i else 1.0
                 at, free = self._coordinate(*coordinate), sign * free - branch.start[coordinate[1]]
                 if constant:
                     self.mbs.AddLoad(items.LoadCoordinate(markerNumber=at, load=sign * constant))
                 spring = {"stiffness": stiffness, "damping": damper, "offset": free}
-                item = items.ObjectConnectorCoordinateSpringDamper(
-                    markerNumbers=[self._still(), at], **spring
-                )
-            elif free or damper:
+                sides = [self._still(), at]
+                item = items.ObjectConnectorCoordinateSpringDamper(markerNumbers=sides, **spring)
+            else:
                 sides = [self._marker(i, tuple(row[2:4])), self._marker(j, tuple(row[5:7]))]
                 spring = {"referenceLength": free, "stiffness": stiffness, "damping": damper}
                 item = items.ObjectConnectorSpringDamper(markerNumbers=sides, **spring)
-            else:  # it has a force at length 0 too
-                sides = [self._marker(i, tuple(row[2:4])), self._marker(j, tuple(row[5:7]))]
-                spring = {"stiffness": [stiffness, stiffness, 0.0]}
-                item = items.ObjectConnectorCartesianSpringDamper(markerNumbers=sides, **spring)
+                if not (free or damper):  # it has a force at length 0 too
+                    spring = {"stiffness": [stiffness, stiffness, 0.0]}
+                    item = items.ObjectConnectorCartesianSpringDamper(markerNumbers=sides, **spring)
             if stiffness or damper:
                 self.mbs.AddObject(item)
         if touched:

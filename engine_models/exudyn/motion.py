@@ -177,5 +177,4 @@ def integral(grid: FloatArray, integrands: Callable[[FloatArray], FloatArray]) -
         width = np.diff(part)
         values = integrands((part[:-1, None] + width[:, None] * POINTS).ravel())
         pieces.append(values.reshape(len(values), -1, len(POINTS)) @ WEIGHTS * width)
-    sums = np.cumsum(np.concatenate(pieces, axis=1), axis=1)
-    return np.concatenate([np.zeros((len(sums), 1)), sums], axis=1)
+    return np.pad(np.cumsum(np.concatenate(pieces, axis=1), axis=1), ((0, 0), (1, 0)))

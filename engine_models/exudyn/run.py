@@ -28,16 +28,14 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
     tree, of = engine.solver_of(scene) not in IMPLICIT, scene.mechanism
     forces = Forces(engine.twin(scene))
     forces.contacts[:, eq.DRAGS : eq.MU] = 1.0  # friction drives where a contact pulls
-    every = 1 if forces.integrated else run.steps_per_sample(scene.end_time_s)
+    as_they_come = engine.steps_as_they_come(scene)
+    every = 1 if as_they_come or forces.integrated else run.steps_per_sample(scene.end_time_s)
     with silence(), np.errstate(all="ignore"):  # require_finite is the judge
         model, solve_time_s = _solved(engine, scene, run, every)
         motion = _recorded(scene, model, tree)
-        time, steps = run.times_s(scene), (len(motion.time_s) - 1) * every
-        if engine.steps_as_they_come(scene):
-            steps, grid, sampled_s = len(motion.time_s) - 1, np.union1d(motion.time_s, time), time
-        else:
-            grid, sampled_s = motion.time_s, motion.time_s[:: steps // every // run.samples]
-        sampled = np.searchsorted(grid, sampled_s)
+        time, recorded = run.times_s(scene), len(motion.time_s) - 1
+        sampled_s = time if as_they_come else motion.time_s[:: recorded // run.samples]
+        grid = np.union1d(motion.time_s, sampled_s)
 
         def powers(at: FloatArray) -> FloatArray:
             position, velocity, _ = motion.at(at)
@@ -51,7 +49,7 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
         works = dict[str, FloatArray]()
         if forces.integrated:
             sums = integral(grid, powers) if tree else cumulative_trapezoid(powers(grid), grid, initial=0.0)
-            works = dict(zip(forces.integrated, sums[:, sampled], strict=True))
+            works = dict(zip(forces.integrated, sums[:, np.searchsorted(grid, sampled_s)], strict=True))
         position, velocity, _ = motion.at(sampled_s)
         works = forces.works_J(position, works)
         return Trajectory(
@@ -61,7 +59,7 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
             velocity=velocity,
             driver_work_J=works.pop("driver", None),
             step_s=run.step_used_s(scene.end_time_s),
-            steps=steps,
+            steps=recorded * every,
             solve_time_s=solve_time_s,
             contacts={
                 pin.name: contact_record(forces, motion, pin, scene.clearances[pin.name], sampled_s)
@@ -79,10 +77,9 @@ def bare_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> BareRun:
     """
     with silence(), np.errstate(all="ignore"):
         model, solve_time_s = _solved(engine, scene, run, 0)
-        values = model.mbs.GetSensorValues
-        q, v, a = (np.concatenate([np.atleast_1d(values(sensor)) for sensor in of]) for of in model.motion)
-        out = np.zeros((1, 3, 3 * len(scene.mechanism.bodies)))
-        states(link_rows(model.branches), (model.start + q)[None], v[None], a[None], out)
+        ends = [np.atleast_1d(model.mbs.GetSensorValues(sensor)) for sensor in model.motion[0]]
+        q, out = (model.start + np.concatenate(ends))[None], np.zeros((1, 3, 3 * len(model.of.bodies)))
+        states(link_rows(model.branches), q, q, q, out)  # their rates change no position
         return BareRun(solve_time_s, out[0, 0].reshape(-1, 3))
 
 
@@ -90,7 +87,7 @@ def _solved(engine: ExudynEngine, scene: Scene, run: RunSettings, every: int) ->
     """Return a model that has run, and the time of the solve; one in ``every`` equal steps is recorded."""
     model = Model(scene, engine.solver_of(scene) not in IMPLICIT)
     settings = simulation_settings(engine, scene, model.forces, run, every)
-    return model, solve(scene, model.mbs, settings, engine.timeout_s)
+    return model, solve(model.mbs, settings, engine.timeout_s)
 
 
 def _reactions(forces: Forces, motion: Motion, time_s: FloatArray) -> Reactions:

@@ -1,10 +1,9 @@
-"""Exudyn's solver settings, all of them that matter to the answer, and the run with its ways to fail."""
+"""Exudyn's solver settings, where they are not its defaults, and the run with its ways to fail."""
 
 import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import count
 
 import exudyn as exu
 import numpy as np
@@ -15,10 +14,10 @@ from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import lever_m, shortest_m
 from engine_models.minimal.forces import Forces
-from engine_models.pace import FEWEST_STEPS, Pace, quickest_s
+from engine_models.pace import FEWEST_STEPS, quickest_s
 from engine_models.scene.mechanism import levers_m
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import stiffness_of
+from reference_solver.mechanism.contacts import stiffness_of
 from reference_solver.mechanism.data import Motor
 
 #: Touch and release are located to this penetration, and steps get no shorter than this. The trapezoidal rule
@@ -30,17 +29,11 @@ EVENT_GAP_M = {"explicit": 1e-12, "implicit": 1e-9}
 SHORTEST_STEP_S = {"explicit": 1e-100, "implicit": 1e-13}
 #: With error control the penetration is a part of the tolerance, so that events leave no larger error than
 #: steps do. It ends above round-off.
-LEAST_GAP_M = 1e-13
+GAP_PART, LEAST_GAP_M = 1e-4, 1e-13
 #: Newton's bound grows up to steps in which a body turns by this, and shrinks no further than to this.
 LARGEST_TURN_RAD, LEAST_INCREMENT = 0.1, 1e-12
-#: Times at which a speed that changes is looked at.
-SPEEDS = 1001
-#: After an event steps may grow by this factor each: DOPRI5's (Hairer, Norsett, Wanner) and the others'.
-GROWTH_ADAPTIVE, GROWTH = 5.0, 2.0
 #: Exudyn takes a run for finished 1e-10 s ahead of its end. Where samples lie between steps it is to go on.
 OVERRUN_S = 2e-10
-#: Steps after which the pace of a run is judged, if anybody listens: a few seconds.
-OUTLASTING = 300_000
 
 
 @contextmanager
@@ -67,25 +60,32 @@ def simulation_settings(
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     settings.solution.sensors.writePeriod = 0.0 if as_they_come and every else step_s * (every or steps)
-    settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
-    settings.parallel.numberOfThreads = 1
     integration = settings.timeIntegration
     integration.solverType = getattr(exu.DynamicSolverType, solver)
-    integration.startTime = 0.0
     integration.endTime = scene.end_time_s + OVERRUN_S * as_they_come
     integration.numberOfSteps = steps
-    integration.adaptiveStep = integration.automaticStepSize = False
-    if scene.joints_with_clearance:
-        _locate_events(integration, scene, engine, solver)
+    integration.adaptiveStep = bool(scene.joints_with_clearance)
+    integration.automaticStepSize = solver == "DOPRI5"
+    kind = "implicit" if solver in IMPLICIT else "explicit"
+    integration.minimumStepSize = SHORTEST_STEP_S[kind]
+    if scene.joints_with_clearance:  # steps end where contacts switch
+        gap = EVENT_GAP_M[kind]
+        if solver == "DOPRI5":
+            gap = max(GAP_PART * engine.step_tolerance, LEAST_GAP_M)
+        # Steps grow again at once, however many iterations the last one took.
+        integration.adaptiveStepRecoverySteps, integration.adaptiveStepRecoveryIterations = 1, 1000
+        integration.discontinuous.ignoreMaxIterations = False
+        # The switching error is the gap times the stiffness.
+        stiffness = min(stiffness_of(wall) for wall in scene.clearances.values())
+        integration.discontinuous.iterationTolerance = gap * stiffness
     if solver in IMPLICIT:
         integration.generalizedAlpha.spectralRadius = engine.spectral_radius
-        integration.generalizedAlpha.computeInitialAccelerations = True
         newton = integration.newton
         # Full Newton, and Jacobians kept over steps, are slower than one Jacobian a step.
         newton.useModifiedNewton = newton.modifiedNewtonJacUpdatePerStep = True
         # Residuals are forces: no bound fits both a light mechanism and a heavy one. Judge the increments,
         # which asks for both tolerances to be the same.
-        newton.residualMode, newton.maxIterations = 1, 25
+        newton.residualMode = 1
         bound = newton_bound(scene, forces, solver, step_s)
         newton.relativeTolerance = newton.absoluteTolerance = bound
         # Only the initial accelerations rest on differences (of the joints, along the velocity): the default
@@ -95,37 +95,17 @@ def simulation_settings(
         return settings
     explicit = integration.explicit
     explicit.useLieGroupIntegration = False  # there is none among planar coordinates
-    explicit.computeMassMatrixInversePerBody, explicit.eliminateConstraints = False, True
     # The last stage of an embedded pair is at the step's end: its acceleration need not be computed again.
     explicit.computeEndOfStepAccelerations = solver != "DOPRI5"
     if solver == "DOPRI5":
-        integration.automaticStepSize, integration.minimumStepSize = True, SHORTEST_STEP_S["explicit"]
         # A relative tolerance counts the sign of the coordinate: the error's scale is 0 at a negative value.
         integration.absoluteTolerance, integration.relativeTolerance = engine.step_tolerance, 0.0
         # Begin with the longest (0), but for what the driver does in a time that no error estimate would see.
         first_s = quickest_s(scene) / FEWEST_STEPS
         integration.initialStepSize = first_s if math.isfinite(first_s) else 0.0
-        integration.stepSizeMaxIncrease, integration.stepSizeSafety = GROWTH_ADAPTIVE, engine.step_safety
+        # Steps grow five times each at the most (Hairer, Norsett, Wanner).
+        integration.stepSizeMaxIncrease, integration.stepSizeSafety = 5.0, engine.step_safety
     return settings
-
-
-def _locate_events(
-    integration: exu.TimeIntegrationSettings, scene: Scene, engine: ExudynEngine, solver: str
-) -> None:
-    """Let steps end where contacts switch, and grow again."""
-    kind = "implicit" if solver in IMPLICIT else "explicit"
-    gap = EVENT_GAP_M[kind]
-    if solver == "DOPRI5":
-        gap = max(engine.event_gap * engine.step_tolerance, LEAST_GAP_M)
-    integration.minimumStepSize, integration.adaptiveStep = SHORTEST_STEP_S[kind], True
-    integration.adaptiveStepDecrease, integration.adaptiveStepIncrease = 0.5, GROWTH
-    # Steps grow again at once, however many iterations the last one took.
-    integration.adaptiveStepRecoverySteps, integration.adaptiveStepRecoveryIterations = 1, 1000
-    switching = integration.discontinuous
-    switching.useRecommendedStepSize, switching.ignoreMaxIterations = True, False
-    switching.maxIterations = 5
-    # The switching error is the gap times the stiffness.
-    switching.iterationTolerance = gap * min(stiffness_of(wall) for wall in scene.clearances.values())
 
 
 def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> float:
@@ -139,7 +119,7 @@ def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> fl
     """
     of, lever = scene.mechanism, lever_m(scene)
     if of.drive.prescribes:
-        speed = float(np.abs(forces.motion(np.linspace(0.0, scene.end_time_s, SPEEDS))[1]).max())
+        speed = float(np.abs(forces.motion(np.linspace(0.0, scene.end_time_s, 1001))[1]).max())
         speed /= 1.0 if of.drive.guide is None else lever
     else:
         speed = float(np.abs(start_state(scene)[1][:, 2]).max())
@@ -155,38 +135,26 @@ def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> fl
     return max(bound, LEAST_INCREMENT)
 
 
-def _tell_steps(mbs: exu.MainSystem, scene: Scene) -> list[BaseException]:
-    """Have Exudyn call back before every step to tell how far it has come; return what was raised there.
-
-    Only if somebody listens: a call takes 1 to 3 us. It changes nothing in the run.
-    """
-    listener, raised = progress.listener(), list[BaseException]()
-    if listener is None:
-        return raised
-
-    steps, pace = count(1), Pace(scene, OUTLASTING)
-
-    def before_step(_: exu.MainSystem, time_s: float) -> bool:
-        try:
-            listener(time_s)
-            pace.judge(time_s, next(steps))
-        except BaseException as error:
-            raised.append(error)
-            return False
-        return True
-
-    mbs.SetPreStepUserFunction(before_step)
-    return raised
-
-
-def solve(scene: Scene, mbs: exu.MainSystem, settings: exu.SimulationSettings, timeout_s: float) -> float:
+def solve(mbs: exu.MainSystem, settings: exu.SimulationSettings, timeout_s: float) -> float:
     """Run the solver; return its wall time in s.
+
+    Where somebody listens, Exudyn calls back before every step, which takes 1 to 3 us.
 
     Raises:
         SimulationFailed: Exudyn gave up, or ran out of time.
     """
+    listener, raised = progress.listener(), list[BaseException]()
+
+    def before_step(_: exu.MainSystem, time_s: float) -> bool:
+        try:
+            progress.tell(time_s)
+        except BaseException as error:
+            raised.append(error)
+        return not raised
+
+    if listener is not None:
+        mbs.SetPreStepUserFunction(before_step)
     exu.special.solver.timeout = timeout_s
-    raised = _tell_steps(mbs, scene)
     began = time.perf_counter()
     try:
         succeeded, reason = mbs.SolveDynamic(settings), "no reason given"

@@ -20,8 +20,6 @@ from reference_solver.mechanism.data import GROUND, Guide, MechanismData, Pin, P
 Joint = Pin | Guide
 Axis = Literal["x", "y", "turn"]
 AXES: tuple[Axis, ...] = ("x", "y", "turn")
-
-
 #: A body, the joint that hangs it on one that is there before, None if it is afloat, and that one.
 Hung = tuple[int, Joint | None, int]
 

@@ -8,9 +8,9 @@ from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.states import lever_m, point_motion
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.contact_laws import exponent_of as exponent_of
-from reference_solver.mechanism.contact_laws import stiffness_of as stiffness_of
-from reference_solver.mechanism.contact_laws import stored_J
+from reference_solver.mechanism.contacts import exponent_of as exponent_of
+from reference_solver.mechanism.contacts import stiffness_of as stiffness_of
+from reference_solver.mechanism.contacts import stored_J
 from reference_solver.mechanism.data import Spring
 
 #: What lies below these, in parts of what forces do in a radian of the crank and in J, is rounding at rest.

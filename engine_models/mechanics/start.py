@@ -6,7 +6,7 @@ from engine_models.engine import FloatArray, ImpossibleStart, Trajectory
 from engine_models.mechanics.states import pin_gap, turns_of
 from engine_models.scene.scene import Scene
 from engine_models.scene.start import held_at_start
-from reference_solver.mechanism.contact_laws import damping_factor_of
+from reference_solver.mechanism.contacts import damping_factor_of
 
 #: A pin is in its wall that is by so many metres, and leaves it at so many m/s for every m/s, and one more,
 #: at which the bodies move.

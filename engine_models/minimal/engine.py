@@ -1,7 +1,7 @@
 """SciPy's integrators on minimal coordinates: the engine ``scipy``, and what reference solutions are by."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -50,7 +50,6 @@ class ScipyEngine(Engine):
     rtol: Annotated[float, Field(ge=SHARPEST, lt=1)] = 1e-10
     atol: Annotated[float, Field(gt=0)] = 1e-12
     max_evaluations: Annotated[int, Field(gt=0)] = 5_000_000
-    any_mechanism: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where a contact has a law that is not known here, or a wall to follow."""

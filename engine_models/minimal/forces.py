@@ -20,7 +20,7 @@ from engine_models.minimal.model import Numbers
 from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import data
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, NORMAL_LAWS
+from reference_solver.mechanism.contacts import DAMPING_FACTORS, NORMAL_LAWS
 
 #: Parts of loads whose works follow from the positions: those of the others are integrals over time.
 EXACT = ("force", "spring", "torque")

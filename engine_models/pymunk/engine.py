@@ -5,7 +5,7 @@ loads and by the impulses of joints and contacts, all at the new positions. The 
 position errors back. So after step k the positions x_k are those of t_k = k dt, and the kick was made at x_k.
 """
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -25,10 +25,11 @@ from engine_models.memory import require_memory
 from engine_models.minimal.forces import require_family
 from engine_models.minimal.run import trajectory_of
 from engine_models.pace import require_followed
+from engine_models.pymunk import kicks
 from engine_models.pymunk.loop import Loop
 from engine_models.pymunk.model import build, changes_speed, sweeps_of
 from engine_models.pymunk.native_contact import rigid_twin
-from engine_models.pymunk.record import Record, require_the_mechanism
+from engine_models.pymunk.record import Record
 from engine_models.scene.scene import Scene
 
 #: What fits into a C int.
@@ -85,7 +86,6 @@ class PymunkEngine(Engine):
     collision_bias: Annotated[float, Field(ge=0, le=1)] = 1e-300
     collision_slop_m: Annotated[float, Field(ge=0)] = 0.0
     collision_persistence: Count = 1
-    any_mechanism: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene for a guide, or for a law without a restitution, that Pymunk cannot express.
@@ -124,8 +124,8 @@ class PymunkEngine(Engine):
 
         Raises:
             UnsupportedScene: see ``check``.
-            SimulationFailed: a joint came apart by more than a tenth of the longest lever, a pin went through
-                the wall of its bearing, the numbers overflowed, or the driver's speed changes within a step.
+            SimulationFailed: a pin went through the wall of its bearing, the numbers overflowed, or the
+                driver's speed changes within a step.
         """
         require_memory(scene, settings)
         twin = self.twin(scene)
@@ -133,21 +133,20 @@ class PymunkEngine(Engine):
             loop = self._loop(twin, settings)
             record = Record(twin, loop)
             loop.run(record.every_step, record.take)
-            run = trajectory_of(record, loop.solve_time_s)
-            require_the_mechanism(twin, loop.model.groove_m, run.position, run.position[:1], run.time_s)
-            return unwound(scene, require_finite(run))
+            return unwound(scene, require_finite(trajectory_of(record, loop.solve_time_s)))
 
     def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the same steps, of which works and forces need nothing.
 
         Raises:
-            UnsupportedScene, SimulationFailed: as ``simulate`` does, but for joints that come apart.
+            UnsupportedScene, SimulationFailed: as ``simulate`` does.
         """
         twin = self.twin(scene)
         with np.errstate(all="ignore"):
             loop = self._loop(twin, settings)
             loop.run()
-            return BareRun(loop.solve_time_s, loop.positions(), loop.engine_time_s)
+            loop.account(kicks.KNOWN)
+            return BareRun(loop.solve_time_s, loop.q.reshape(-1, 3), loop.engine_time_s)
 
     def _loop(self, scene: Scene, settings: RunSettings) -> Loop:
         require_followed(scene, settings.step_used_s(scene.end_time_s))

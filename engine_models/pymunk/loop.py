@@ -128,11 +128,6 @@ class Loop:
                 self._get()
             plan[kicks.LAST_KICK] = plan[kicks.KICK]
 
-    def positions(self) -> FloatArray:
-        """Return the positions (bodies, 3) of the centres of mass."""
-        self.account(kicks.KNOWN)
-        return np.array(self.q.reshape(-1, 3))
-
     def account(self, given: int) -> None:
         """Find what a kick was, and its reactions."""
         bodies = self.before, self.state, self.rows, self.model.origin

@@ -38,7 +38,6 @@ class Model:
     bodies: tuple[pymunk.Body, ...]
     origin: FloatArray
     lift_N: FloatArray
-    groove_m: float
     loaded: bool
 
     def end(self, body: int, point: Point) -> tuple[pymunk.Body, pymunk.Vec2d]:
@@ -84,9 +83,8 @@ def build(scene: Scene, position: FloatArray, all_joints: bool) -> Model:
         body.position = pymunk.Vec2d(x, y) + pymunk.Vec2d(*origin[number]).rotated(phi)
         body.angle = phi
         bodies.append(body)
-    groove = GROOVE * (max(levers_m(of), default=0.0) or 1.0)
     loaded = bool(forces.parts) or any(body.mass == IMMOVABLE_KG for body in bodies)
-    model = Model(forces, space, tuple(bodies), origin, lift, groove, loaded)
+    model = Model(forces, space, tuple(bodies), origin, lift, loaded)
     joints = list[pymunk.Constraint]()
     for pin in of.ideal:
         if pin not in about.values():
@@ -211,7 +209,8 @@ def _require_no_slot(of: MechanismData, guide: Guide) -> None:
 
 def _guide_joints(model: Model, guide: Guide, still: set[int]) -> list[pymunk.Constraint]:
     (i, at_i), (j, at_j) = model.end(guide.body_i, guide.point_i), model.end(guide.body_j, guide.point_j)
-    reach = pymunk.Vec2d(model.groove_m, 0.0).rotated(guide.angle_rad)
+    longest = max(levers_m(model.forces.of), default=0.0) or 1.0
+    reach = pymunk.Vec2d(GROOVE * longest, 0.0).rotated(guide.angle_rad)
     joints: list[pymunk.Constraint] = [pymunk.GrooveJoint(i, j, at_i - reach, at_i + reach, at_j)]
     if not {guide.body_i, guide.body_j} <= still:
         joints.append(pymunk.GearJoint(i, j, j.angle - i.angle, 1.0))

@@ -25,9 +25,9 @@ from reference_solver.mechanism.data import Pin
 class NativeContact:
     """The circles of a pin and its bearing in a space.
 
-    It tells of the last step whether the wall ``pushes`` the pin; the impulses (2,) of that and of friction,
-    which acts 90 degrees counter-clockwise of the bearing's normal on the pin, in N s; the speed before at
-    which the pin went into the wall; and whether it has ever gone ``through`` it.
+    It tells of the last step the impulses (2,) of the wall and of friction, which acts 90 degrees
+    counter-clockwise of the bearing's normal on the pin, in N s; the speed before at which the pin went into
+    the wall; and whether it has ever gone ``through`` it.
     """
 
     def __init__(self, model: Model, number: int, pin: Pin, room: Clearance) -> None:
@@ -48,11 +48,6 @@ class NativeContact:
         model.space.add(*circles)
         bearing, inside = (circle.collision_type for circle in circles)
         model.space.on_collision(bearing, inside, pre_solve=self._set_points, post_solve=self._keep_impulse)
-
-    @property
-    def pushes(self) -> bool:
-        """Whether the wall pushes the pin."""
-        return bool(self.impulse_N_s[0] > 0)
 
     def _set_points(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
         """Make of the circles' overlap the contact of a pin in a bearing, if there is one."""

@@ -2,16 +2,12 @@
 
 import numpy as np
 
-from engine_models.engine import FloatArray, SimulationFailed
-from engine_models.mechanics.quality import open_by_m
-from engine_models.mechanics.states import lever_m, way
+from engine_models.engine import FloatArray
 from engine_models.minimal import equations as eq
 from engine_models.pymunk import kicks
 from engine_models.pymunk.loop import Loop
 from engine_models.scene.scene import Scene
 
-#: With a joint this many levers apart the bodies are no mechanism any more, and the run has failed.
-LOST_GAP = 0.1
 #: Kicks of a half-kick start that are not those of their time.
 ODD_KICKS = 2
 #: A contact that is on: its begin, approach speed and sums before, and its kicks: (t, force, depth).
@@ -42,7 +38,7 @@ class Record:
         for k, contact in loop.native.items():
             at = eq.OF_CONTACT * k
             loop.told[at + eq.NORMAL], loop.told[at + eq.FRICTION] = contact.impulse_N_s / plan[kicks.KICK]
-            struck = struck or (contact.pushes and k not in self._touches)
+            struck = struck or (contact.impulse_N_s[0] > 0 and k not in self._touches)
         odd = loop.steps <= ODD_KICKS * loop.half_kick
         loop.account(kicks.CURVED if odd else kicks.KNOWN)
         gain = plan[kicks.KICK] * loop.powers[: len(self._sums)]
@@ -66,7 +62,7 @@ class Record:
             told, native, touch = loop.told[eq.OF_CONTACT * k :], loop.native.get(k), self._touches.get(k)
             c, sums = self.model.contacts[k, eq.C], self._sums[eq.OF_SUMS * k : eq.OF_SUMS * (k + 1)]
             depth = float(2 * c * told[eq.ROOM] / (c + np.sqrt(c * c + 2 * c * told[eq.ROOM])))
-            if native.pushes if native else phase != eq.FLIGHT:
+            if native.impulse_N_s[0] > 0 if native else phase != eq.FLIGHT:
                 if touch is None:
                     speed = native.rate_m_s if native else float(rates[k] * c / (c + depth))
                     touch = self._touches[k] = t, speed, sums.copy(), []
@@ -100,23 +96,3 @@ class Record:
                 of_y[:size] += x * (1 - x) * ((1 - x) * begin + x * stop)
             self.states.append(of_y)
             self.told.append(of_told)
-
-
-def require_the_mechanism(
-    scene: Scene, groove_m: float, position: FloatArray, start: FloatArray, time_s: FloatArray
-) -> None:
-    """Check that positions (n, bodies, 3) at times (n,) are a scene's still, after the start (1, bodies, 3).
-
-    Raises:
-        SimulationFailed: at the first time when an ideal joint or guide is too far open or not finite, or a
-            body is beyond the end of its groove.
-    """
-    gap, still = open_by_m(scene, position, start), np.zeros_like(position)
-    far = [np.abs(way(guide, position, still)[0]) for guide in scene.mechanism.guides]
-    lost = ~((gap <= LOST_GAP * lever_m(scene)) & (np.max(far, axis=0, initial=0.0) <= groove_m))
-    if lost.any():
-        first = int(np.argmax(lost))
-        what = (
-            f"constraints lost, a joint is {gap[first]:.3g} m apart, or a body beyond the end of its guide,"
-        )
-        raise SimulationFailed(f"{what} at t = {time_s[first]:.6g} s")

@@ -1,7 +1,7 @@
 """The crank-slider in the reference solver: the paper's Lagrange-multiplier algorithm, by RK4 or DOP853."""
 
 from dataclasses import replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -70,7 +70,6 @@ class ReferenceEngine(Engine):
     locate_events: bool = True
     lowest_flight: Annotated[float, Field(ge=LOWEST_FLIGHT)] | None = None
     max_steps: Annotated[float, Field(ge=1)] = MOST_STEPS
-    any_mechanism: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the settings stand in the way of each other, or of rigid contact."""
@@ -97,12 +96,6 @@ class ReferenceEngine(Engine):
         if self.method == "rk4":
             return self
         return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
-
-    def finer(self) -> "ReferenceEngine":
-        """Return the engine that a run is held against to see whether it has converged."""
-        if self.method == "rk4":
-            return replace(self, steps_per_contact=2 * self.steps_per_contact)
-        return replace(self, step_tolerance=max(self.step_tolerance / 100, SHARPEST))
 
     @property
     def order(self) -> float | None:

@@ -9,9 +9,9 @@ from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.minimal.forces import Forces
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism import building
+from reference_solver.mechanism import mechanism
 from reference_solver.mechanism.constraints import row_slices
-from reference_solver.mechanism.mechanism import Load, Mechanism
+from reference_solver.mechanism.mechanism import Mechanism, loads_of
 from reference_solver.solution import Solution
 
 
@@ -22,14 +22,9 @@ def mechanism_of(scene: Scene) -> Mechanism:
         SimulationFailed: the stiffness of a contact overflows.
     """
     try:
-        return building.mechanism_of(scene.mechanism)
+        return mechanism.mechanism_of(scene.mechanism)
     except OverflowError as reason:
         raise SimulationFailed(str(reason)) from None
-
-
-def loads_of(scene: Scene) -> dict[str, Load]:
-    """Return the mechanism's loads in their order by their names (see ``building.loads_of``)."""
-    return building.loads_of(scene.mechanism)
 
 
 def trajectory_of_solution(
@@ -37,7 +32,7 @@ def trajectory_of_solution(
 ) -> Trajectory:
     """Return the trajectory at the solution's samples."""
     multipliers, of = solution.multipliers, scene.mechanism
-    rows = iter(row_slices(solution.mechanism))
+    rows = iter(row_slices(solution.mechanism.constraints, solution.q.shape[1]))
     forces, contacts = dict[str, FloatArray](), dict[str, Contact]()
     for pin in of.ideal:
         forces[pin.name] = multipliers[:, next(rows)]
@@ -47,9 +42,10 @@ def trajectory_of_solution(
         contacts[pin.name] = _contact(scene.clearances[pin.name], solution, k)
     normal, moment = dict[str, FloatArray](), dict[str, FloatArray]()
     for guide in of.guides:
-        normal[guide.name] = multipliers[:, next(rows).start]
+        first = next(rows).start
+        normal[guide.name] = multipliers[:, first]
         if not guide.turns:
-            moment[guide.name] = multipliers[:, next(rows).start]
+            moment[guide.name] = multipliers[:, first + 1]
     position, prescribed = solution.q.reshape(len(multipliers), -1, 3), of.drive.prescribes
     velocity, acting = solution.v.reshape(position.shape), Forces(scene)
     parts = acting.act(solution.time_s, position, velocity).parts
@@ -76,7 +72,7 @@ def trajectory_of_solution(
 def _integrated_works(scene: Scene, solution: Solution) -> dict[str, FloatArray]:
     """Return the works that the solution has integrated, by the names of ``Forces.integrated``."""
     short = "slider." if scene.is_short else ""
-    loads = [name.removeprefix(short) for name in loads_of(scene)]
+    loads = [name.removeprefix(short) for name in loads_of(scene.mechanism)]
     names = {f"load{k}": "driver" if name == "drive" else name for k, name in enumerate(loads)}
     return {names[sum_]: work for sum_, work in solution.sums.items() if sum_ in names}
 

@@ -17,7 +17,6 @@ from pydantic import (
     ValidationError,
     create_model,
 )
-from pydantic_core import PydanticCustomError
 
 from engine_models.scene.plain_words import BadInput, expect, refusal
 from engine_models.scene.units import NUMBER, in_unit
@@ -26,18 +25,15 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 STRICT = ConfigDict(strict=True, allow_inf_nan=False, arbitrary_types_allowed=True)
-#: NumPy's kinds of numbers and text, and those of times, which would pass for numbers without their unit.
-PLAIN_KINDS, TIMES = tuple("biufOU"), tuple("mM")
+#: NumPy's kinds of numbers and text; times, which would pass for numbers without their unit, are none.
+PLAIN_KINDS = "biufOU"
 
 
 def _has_a_name(place: str | Path) -> str | Path:
     """Refuse what no file can be named: with a NUL, or with half of a pair of surrogates."""
-    try:
-        if b"\0" not in os.fsencode(place):
-            return place
-    except UnicodeEncodeError:
-        pass
-    raise PydanticCustomError("no_path", "no path")
+    if b"\0" in os.fsencode(place):
+        raise ValueError
+    return place
 
 
 #: Where a file or a folder is, or is to be.
@@ -60,8 +56,8 @@ def in_words(unit: str = "") -> Any:
 #: An integer of more digits is none that anybody means.
 MOST_DIGITS = 20
 #: Times in s, lengths in m and counts as people type them.
-Seconds = Annotated[float, Field(gt=0, ge=1e-100, json_schema_extra={"unit": "s"}), in_words("s")]
-Metres = Annotated[float, Field(gt=0, json_schema_extra={"unit": "m"}), in_words("m")]
+Seconds = Annotated[float, Field(gt=0, ge=1e-100), in_words("s")]
+Metres = Annotated[float, Field(gt=0), in_words("m")]
 
 
 def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
@@ -73,59 +69,50 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
         BadInput: an argument is missing, unknown or of another kind.
     """
     signature = inspect.signature(function)
+    parameters = {name: each for name, each in signature.parameters.items() if name != "self"}
 
     @cache
     def model() -> type[BaseModel]:
-        kinds = {name: _kind(each) for name, each in signature.parameters.items() if name != "self"}
-        fields: dict[str, Any] = {name: (kind, None) for name, kind in kinds.items()}
-        return create_model("Arguments", __config__=STRICT, **fields)
+        kinds: dict[str, Any] = {name: (each.annotation, None) for name, each in parameters.items()}
+        return create_model("Arguments", __config__=STRICT, **kinds)
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             bound = signature.bind(*args, **kwargs)
         except TypeError as reason:
-            expected = ", ".join(name for name in signature.parameters if name != "self") or "no arguments"
             got = str(reason).removeprefix("got ").replace("missing a", "no", 1)
-            raise BadInput(f"{function.__name__}: expected {expected}, got a call with {got}") from None
+            expected = f"{function.__name__}: expected {', '.join(parameters) or 'no arguments'}"
+            raise BadInput(f"{expected}, got a call with {got}") from None
         given = {name: value for name, value in bound.arguments.items() if name != "self"}
         try:
             valid = model().model_validate({name: plain(value) for name, value in given.items()})
         except ValidationError as error:
-            raise BadInput(refusal(error, model())) from None
+            raise BadInput(refusal(error, given)) from None
         except RecursionError:
-            expected = "values of a few levels"
-            raise BadInput(
-                f"{function.__name__}: expected {expected}, got too many inside each other"
-            ) from None
+            expected = f"{function.__name__}: expected values of a few levels"
+            raise BadInput(f"{expected}, got too many inside each other") from None
         bound.arguments.update((name, getattr(valid, name)) for name in given)
         return function(*bound.args, **bound.kwargs)
 
-    hints = _plain_types(signature)  # as people read them
-    parameters = [each.replace(annotation=hints[each.name]) for each in signature.parameters.values()]
-    checked.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    checked.__annotations__ = {**checked.__annotations__, **hints}
+    hints = get_type_hints(
+        SimpleNamespace(__annotations__={n: it.annotation for n, it in parameters.items()})
+    )
+    shown = [
+        each.replace(annotation=hints.get(name, each.annotation))
+        for name, each in signature.parameters.items()
+    ]
+    checked.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
     return checked
 
 
 def plain(value: Any) -> Any:
     """Return a value with the numbers and arrays of NumPy in it as Python's own numbers and lists."""
     kind = getattr(getattr(value, "dtype", None), "kind", None)
-    if kind in PLAIN_KINDS:
-        value = (value.astype(float) if kind == "f" else value).tolist()
-    if kind in TIMES:
-        return repr(value)
+    if kind is not None:
+        value = (
+            (value.astype(float) if kind == "f" else value).tolist() if kind in PLAIN_KINDS else repr(value)
+        )
     if isinstance(value, Mapping):
         return {key: plain(each) for key, each in value.items()}
     return [plain(each) for each in value] if isinstance(value, list | tuple) else value
-
-
-def _plain_types(signature: inspect.Signature) -> dict[str, Any]:
-    """Return the types of parameters without what is checked of their values."""
-    annotations = {name: each.annotation for name, each in signature.parameters.items()}
-    return get_type_hints(SimpleNamespace(__annotations__=annotations))
-
-
-def _kind(parameter: inspect.Parameter) -> Any:
-    """Return what a parameter takes; further arguments by name come as a mapping."""
-    return Mapping[str, object] if parameter.kind is parameter.VAR_KEYWORD else parameter.annotation

@@ -2,14 +2,15 @@
 
 import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from engine_models.scene.format import SceneError as SceneError
 from engine_models.scene.plain_words import shortened
 from engine_models.scene.scene import Scene, with_fields
-from engine_models.scene.tables import OPENED, BadFile, files_of, is_column, read_text, with_tables
+from engine_models.scene.tables import OPENED, BadFile, read_text
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -40,12 +41,7 @@ def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene
     except ValueError as error:  # also an integer too long for Python to read
         reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
-    try:
-        listed = {path: value for path, value in changes.items() if is_column(path)}  # in place of a file's
-        others = {path: value for path, value in changes.items() if not is_column(path)}
-        return Scene.checked(with_fields(with_tables(with_fields(data, others), folder), listed))
-    except BadFile as reason:
-        raise SceneError(str(reason)) from None
+    return Scene.checked(with_fields(data, changes), folder)
 
 
 def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
@@ -64,37 +60,41 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
     try:
         return from_toml(text, folder_of(path), changes)
     except SceneError as error:
-        reasons, file = [], f"{path}: "
+        reasons, file, lines = [], f"{path}: ", lines_of(text)
         for why in error.reasons:
-            if _is_changed(text, why.partition(": ")[0], changes):
+            field = why.partition(": ")[0]
+            if _is_changed(lines, field, changes):
                 reasons.append(f"{option} {why}")
             else:
-                reasons.append(file + _with_line(text, why))
+                line = line_of(lines, field)
+                reasons.append(f"{file}line {line}: {why}" if line else f"{file}{why}")
                 file = ""
         raise SceneError(*reasons) from None
 
 
-def _is_changed(text: str, field: str, changes: Iterable[str]) -> bool:
+def _is_changed(lines: Mapping[str, int], field: str, changes: Iterable[str]) -> bool:
     """Return whether a field has its value by a change, or is not in the text, but beside or above one."""
     section = field.rpartition(".")[0]
-    in_text = field in _lines(text)
     return any(
         f"{field}.".startswith(f"{path}.")
-        or (not in_text and path.startswith((f"{field}.", f"{section or field}.")))
+        or (field not in lines and path.startswith((f"{field}.", f"{section or field}.")))
         for path in changes
     )
-
-
-def _with_line(text: str, reason: str) -> str:
-    """Return a reason with the line of the field that it begins with, if there is one."""
-    line = line_of(text, reason.partition(": ")[0])
-    return f"line {line}: {reason}" if line else reason
 
 
 def sources(path: Path, changes: Fields = NONE) -> list[Path]:
     """Return the files that a scene was loaded from: its own and those of its tables."""
     data = with_fields(tomllib.loads(read_text(path, "a scene")), changes)
-    return [path, *files_of(data, folder_of(path))]
+    return [path, *(folder_of(path) / name for name in _files(data))]
+
+
+def _files(data: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the names of files in the data of a scene."""
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            yield from _files(value)
+        elif key == "file":
+            yield str(value)
 
 
 def folder_of(path: Path) -> Path:
@@ -102,21 +102,20 @@ def folder_of(path: Path) -> Path:
     return Path() if {path, path.parent} & set(OPENED) else path.parent
 
 
-def line_of(text: str, field: str) -> int | None:
+def line_of(lines: Mapping[str, int], field: str) -> int | None:
     """Return the number of the line, from 1, of a field such as ``rod.mass_kg``.
 
     Of one that is not there it is the line of what it would stand in, None if there is no such thing either.
     """
-    lines = _lines(text)
-    for path, number in list(lines.items()):  # a section has the line of its first part
-        while path := path.rpartition(".")[0]:
-            lines.setdefault(path, number)
     while field and field not in lines:
+        within = (number for path, number in lines.items() if path.startswith(f"{field}."))
+        if number := next(within, None):  # a section has the line of its first part
+            return number
         field = field.rpartition(".")[0]
     return lines.get(field)
 
 
-def _lines(text: str) -> dict[str, int]:
+def lines_of(text: str) -> dict[str, int]:
     """Return the numbers of the lines, from 1, of the heads of sections and of the fields in a text."""
     lines, section = dict[str, int](), ""
     for number, line in enumerate(text.splitlines(), 1):

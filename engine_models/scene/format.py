@@ -8,17 +8,19 @@ may be text with another one: ``"50 mm"``.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeVar, get_args
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NoReturn, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
 from engine_models.scene.arguments import check_arguments
-from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown
+from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown, unknown_key
+from engine_models.scene.tables import BadFile, read_columns
 from engine_models.scene.units import in_own_units
 from reference_solver.mechanism import data
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, NORMAL_LAWS
-from reference_solver.mechanism.curves import curve_of
+from reference_solver.mechanism.contacts import DAMPING_FACTORS, NORMAL_LAWS
 from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Interpolation
+from reference_solver.mechanism.motions import curve_of
 
 Value = TypeVar("Value")
 Kind = TypeVar("Kind", bound="SceneData")
@@ -27,9 +29,8 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 #: Within less time nothing happens, and steps are lost below the least numbers there are.
 Duration = Annotated[float, Field(gt=0, ge=1e-100)]
-#: Beyond this an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
-LARGEST_ANGLE_RAD = 1e6
-Angle = Annotated[float, Field(ge=-LARGEST_ANGLE_RAD, le=LARGEST_ANGLE_RAD)]
+#: Beyond 1e6 an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
+Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
 #: Columns of a table; a list in a file.
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
@@ -39,7 +40,9 @@ PartName = Annotated[
     Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$"),
     expect("a name of letters, digits, _ and -, a letter first"),
 ]
-Pair = Annotated[tuple[float, float], Field(strict=False)]
+#: A mapping of names to parts or numbers in a file.
+Named = dict[PartName, Value]
+Pair = Annotated[tuple[float, float], Field(strict=False), expect("a list of two numbers")]
 #: A place in a body's own axes.
 Place = Annotated[float | Pair, expect("a finite number or a list of two")]
 #: What a drive's clock may read at the start: later, its own spacing is more than 1e-12 s.
@@ -51,13 +54,10 @@ Name = Annotated[
     expect("a string that is not empty and begins with neither a blank nor =, +, - or @"),
 ]
 Gravity = Annotated[NonNegative | Pair, expect("a finite number >= 0 or a list of two")]
-Observe = Annotated[str, expect('a name and what of it, as "B.x", "B.y", "body.angle" or "guide.along"')]
 
 TURN = 2 * math.pi
 #: A revolution in a table may be off by as much as five typed digits are, in rad; its forces by rounding.
 REVOLUTION_RAD, CLOSES = 1e-4, 1e-9
-#: What is slower is constant for as long as anybody waits.
-LOWEST_FREQUENCY_HZ = 1e-9
 #: Speeds of straight lines that differ by less than this part of the fastest are one, but for typed digits.
 SAME_SPEED = 1e-6
 #: The units of the slopes at a table's ends, by the first of these columns that it has.
@@ -80,21 +80,6 @@ if TYPE_CHECKING:
 else:
     ContactLaw = Literal[LAWS]
 FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
-_FRICTION_LAWS = one_of([shown(law) for law in get_args(FrictionLaw)])
-
-
-class Parts(dict[str, Value]):
-    """Parts or numbers by their names, as a scene has them, which can be hashed as scenes can."""
-
-    def __hash__(self) -> int:  # type: ignore[override]
-        """Return a hash of all names and parts."""
-        return hash(tuple(self.items()))
-
-
-#: A mapping of names to parts or numbers in a file.
-Named = Annotated[dict[PartName, Value], AfterValidator(Parts)]
-#: Places by the names of pins, of whom it has one at least.
-Places = Annotated[Named[Place], expect("places by the names of pins, as { A = 0.1 }")]
 
 
 class SceneError(BadInput):
@@ -119,16 +104,15 @@ def require(holds: bool, field: str, expected: str, came: object) -> None:
 
 
 def require_presence(needed: bool, field: str, came: object, when: str) -> None:
-    """Refuse a number that is missing where it is needed, or there where it has no use."""
-    require((came is not None) == needed, field, f"{'a number' if needed else 'nothing'} {when}", came)
+    """Refuse what is missing where it is needed, or there where it has no use."""
+    require((came is not None) == needed, field, f"{'a value' if needed else 'nothing'} {when}", came)
 
 
 def require_known(path: str, name: str, choices: Iterable[str], what: str) -> None:
     """Refuse a name that is none of the choices."""
     choices = list(choices)
     if name not in choices:
-        expected = f"{what} ({', '.join(choices)})" if choices else f"{what}, of which there is none"
-        raise ValueError(unknown(path, name, choices, expected))
+        raise ValueError(unknown(path, name, choices, f"{what} ({', '.join(choices) or 'none'})"))
 
 
 class SceneData(BaseModel):
@@ -138,28 +122,33 @@ class SceneData(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _has_numbers_in_own_units(cls, data: object) -> object:
+    def _has_known_keys_and_own_units(cls, data: object) -> object:
         if not isinstance(data, Mapping):
             return data
+        known = cls.model_fields
+        if cls.model_config["extra"] == "forbid" and data.keys() - known.keys():
+            missing = [name for name, field in known.items() if field.is_required() and name not in data]
+            reasons = [f"{name}: expected a value, got nothing" for name in missing]
+            raise SceneError(*reasons, *(unknown_key(key, known) for key in data if key not in known))
         slopes = next((unit for column, unit in SLOPES.items() if data.get(column) is not None), "rad/s")
         exponent = data.get("exponent") or (1 if data.get("law") in LINEAR_LAWS else HERTZ_EXPONENT)
         return in_own_units(data, end_slopes=slopes, stiffness=f"N/m^{exponent}")
 
     @classmethod
-    def checked(cls: type[Kind], data: Mapping[str, Any]) -> Kind:
-        """Return what a mapping of its fields describes, each a value or a mapping in its turn.
+    def checked(cls: type[Kind], data: Mapping[str, Any], folder: Path = Path(), **context: Any) -> Kind:
+        """Return what a mapping of its fields describes; files of tables are in a folder.
 
         Raises:
             SceneError: it is none.
         """
         try:
-            return cls.model_validate(data)
+            return cls.model_validate(data, context={"folder": folder, **context})
         except ValidationError as error:
-            raise SceneError(*refusals(error, cls)) from None
+            raise SceneError(*refusals(error, data)) from None
 
     def as_written(self) -> dict[str, Any]:
-        """Return the fields as a file has them, those of parts in mappings."""
-        return self.model_dump(exclude_none=True)
+        """Return the fields that were given as a file has them, those of parts in mappings."""
+        return self.model_dump(exclude_unset=True, exclude_none=True)
 
     @check_arguments
     def model_copy(self: Kind, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Kind:  # noqa: ARG002
@@ -171,40 +160,64 @@ class SceneData(BaseModel):
         return self.checked(self.as_written() | dict(update or {}))
 
 
-class Table(SceneData):
-    """Columns of numbers, with a cubic spline between them, or straight lines."""
+def _or_a_file(schema: dict[str, Any], kind: "type[Table]") -> None:
+    """Let the JSON schema of a table have a file in place of lists."""
+    lists = [name for name in schema.get("required", ()) if name in kind.COLUMNS]
+    schema["properties"]["file"] = {"type": "string", "description": "a CSV file in place of lists"}
+    if lists:
+        schema["required"] = [name for name in schema["required"] if name not in lists]
+        schema["oneOf"] = [{"required": lists}, {"required": ["file"]}]
 
-    interpolation: Interpolation | None = None
+
+class Table(SceneData):
+    """Columns of numbers, with a cubic spline between them, or straight lines.
+
+    ``file = "drive.csv"`` stands for the lists.
+    """
+
+    model_config = ConfigDict(json_schema_extra=_or_a_file)
+
+    #: The columns: the first one, and others of which there is one at least.
+    COLUMNS: ClassVar[tuple[str, ...]]
+
+    interpolation: Interpolation = "spline"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_the_columns_of_its_file(cls, data: object, info: ValidationInfo) -> object:
+        if not isinstance(data, Mapping) or "file" not in data:
+            return data
+        file, beside = data["file"], [name for name in cls.COLUMNS if name in data]
+        require(not beside, "file", f"nothing beside {one_of(beside)}", file)
+        is_name = isinstance(file, str) and file.isprintable() and file != ""
+        require(is_name, "file", "the name of a CSV file", file)
+        try:
+            columns = read_columns((info.context or {}).get("folder", Path()) / file, cls.COLUMNS)
+        except BadFile as reason:
+            raise ValueError(f"file: {reason}") from None
+        return {key: value for key, value in data.items() if key != "file"} | columns
 
     def table(self, x_name: str, y_name: str, period: float = 0.0) -> data.Table:
         """Return a column over another."""
-        slopes = getattr(self, "end_slopes", None)
-        ends = None if slopes is None else (slopes[0], slopes[1])
-        interpolation = self.interpolation or "spline"
-        return data.Table(getattr(self, x_name), getattr(self, y_name), interpolation, ends, period)
+        ends = getattr(self, "end_slopes", None)
+        return data.Table(getattr(self, x_name), getattr(self, y_name), self.interpolation, ends, period)
 
     def require_table(self, x_name: str, y_name: str) -> None:
         """Refuse columns that are missing, too short, of other lengths, or do not rise; and bad slopes."""
         x: Sequence[float] | None = getattr(self, x_name)
         y: Sequence[float] | None = getattr(self, y_name)
-        by: Interpolation = self.interpolation or "spline"
         if x is None or y is None:
             refuse(x_name if x is None else y_name, "a list of numbers", None)
-        require(len(x) >= FEWEST_POINTS[by], x_name, f"at least {FEWEST_POINTS[by]} numbers", len(x))
+        fewest = FEWEST_POINTS[self.interpolation]
+        require(len(x) >= fewest, x_name, f"at least {fewest} numbers", len(x))
         require(len(y) == len(x), y_name, f"as many numbers as {x_name} has, {len(x)}", len(y))
         for place, (before, after) in enumerate(pairwise(x), 1):
             require(after > before, f"{x_name}.{place}", f"a number > {before:g}, the one before", after)
             expected = f"a number neither at {before:g} nor endlessly far from it"
             require(_has_cubic(after - before, y[place] - y[place - 1]), f"{x_name}.{place}", expected, after)
-        if (slopes := getattr(self, "end_slopes", None)) is not None:
-            require(by == "spline", "end_slopes", "nothing with interpolation = 'linear'", slopes)
-            require(len(slopes) == 2, "end_slopes", "two numbers, of the first and the last end", len(slopes))
-
-    def require_no_table(self, column: str, *names: str) -> None:
-        """Refuse what belongs to a table where there is none."""
-        for name in names:
-            came = getattr(self, name)
-            require(came is None, name, f"nothing without a list {column}", came)
+        slopes = getattr(self, "end_slopes", None)
+        is_spline = slopes is None or self.interpolation == "spline"
+        require(is_spline, "end_slopes", "nothing with interpolation = 'linear'", slopes)
 
 
 def _has_cubic(step: float, rise: float) -> bool:
@@ -221,13 +234,13 @@ def _has_cubic(step: float, rise: float) -> bool:
 class Ground(SceneData):
     """Pins of the frame, in the global frame."""
 
-    pins_m: Places
+    pins_m: Named[Place]
 
 
 class Body(SceneData):
     """A rigid body; its inertia is about its centre of mass."""
 
-    pins_m: Places
+    pins_m: Annotated[Named[Place], Field(min_length=1)]
     mass_kg: Positive
     inertia_kg_m2: Positive
     centre_of_mass_m: Place = 0.0
@@ -251,21 +264,22 @@ class Guide(SceneData):
 class Spring(SceneData):
     """A linear spring, and a damper, between two pins named ``body.pin``."""
 
-    between: Annotated[tuple[str, str], Field(strict=False), expect('two pins, as ["ground.O", "body.A"]')]
+    between: Annotated[tuple[str, str], Field(strict=False)]
     stiffness_N_m: Positive
     free_length_m: NonNegative
-    damping_N_s_m: NonNegative | None = None
+    damping_N_s_m: NonNegative = 0.0
 
 
 # Clearances
 
 
 class Friction(SceneData):
-    """Friction in a joint with clearance; the dead band belongs to Ambrosio's law alone."""
+    """Friction in a joint with clearance; the dead band belongs to Ambrosio's law alone.
 
-    law: Annotated[
-        FrictionLaw, expect(f"{_FRICTION_LAWS}, whose force rises over regularisation_speed_m_s from rest")
-    ]
+    The force of each law rises over ``regularisation_speed_m_s`` from rest.
+    """
+
+    law: FrictionLaw
     coefficient: NonNegative
     regularisation_speed_m_s: Positive
     dead_band_speed_m_s: Positive | None = None
@@ -273,8 +287,7 @@ class Friction(SceneData):
     @model_validator(mode="after")
     def _dead_band_belongs_to_ambrosio(self) -> "Friction":
         dead_band, limit = self.dead_band_speed_m_s, self.regularisation_speed_m_s
-        with_law = f"with law = '{self.law}'"
-        require_presence(self.law == "ambrosio", "dead_band_speed_m_s", dead_band, with_law)
+        require_presence(self.law == "ambrosio", "dead_band_speed_m_s", dead_band, f"with law = '{self.law}'")
         expected = f"a number < regularisation_speed_m_s = {limit:g}"
         require(dead_band is None or dead_band < limit, "dead_band_speed_m_s", expected, dead_band)
         return self
@@ -305,100 +318,88 @@ class Clearance(SceneData):
 
     @model_validator(mode="after")
     def _hangs_together(self) -> "Clearance":
-        law, e, with_law = self.law, self.restitution, f"with law = '{self.law}'"
-        c, radius = self.radial_clearance_m, self.bearing_radius_m
+        law, e, c, radius = self.law, self.restitution, self.radial_clearance_m, self.bearing_radius_m
         require(c < radius, "radial_clearance_m", f"a number < bearing_radius_m = {radius:g}", c)
-        by_material = law != "rigid" and self.stiffness is None
-        when = f"{'without' if by_material else 'beside'} stiffness"
-        if law == "rigid":
-            when = with_law
-            require_presence(False, "stiffness", self.stiffness, when)
-        require_presence(by_material, "young_modulus_Pa", self.young_modulus_Pa, when)
-        require_presence(by_material, "poisson_ratio", self.poisson_ratio, when)
-        require_presence(law in DAMPED_LAWS, "damping_N_s_m", self.damping_N_s_m, with_law)
-        require_presence(law in DAMPING_FACTORS or law == "rigid", "restitution", e, with_law)
+        when = f"with law = '{law}'"
+        rigid, by_material = law == "rigid", law != "rigid" and self.stiffness is None
+        require(not rigid or self.stiffness is None, "stiffness", f"nothing {when}", self.stiffness)
+        stiff = when if rigid else f"{'without' if by_material else 'beside'} stiffness"
+        require_presence(by_material, "young_modulus_Pa", self.young_modulus_Pa, stiff)
+        require_presence(by_material, "poisson_ratio", self.poisson_ratio, stiff)
+        require_presence(law in DAMPED_LAWS, "damping_N_s_m", self.damping_N_s_m, when)
+        require_presence(rigid or law in DAMPING_FACTORS, "restitution", e, when)
         if e == 0 and law in DAMPING_FACTORS:
             try:
                 DAMPING_FACTORS[law](0.0)
             except ZeroDivisionError:
-                refuse("restitution", f"a number > 0 {with_law}", e)
+                refuse("restitution", f"a number > 0 {when}", e)
         can_pull = not self.may_pull or law in DAMPING_FACTORS
-        require(can_pull, "may_pull", f"false or nothing {with_law}", self.may_pull)
-        is_linear = law in (*LINEAR_LAWS, "rigid")
-        require(
-            not is_linear or self.exponent in (None, 1.0),
-            "exponent",
-            f"1 or nothing {with_law}",
-            self.exponent,
-        )
+        require(can_pull, "may_pull", f"false or nothing {when}", self.may_pull)
+        fits = self.exponent in (None, 1.0) or law not in (*LINEAR_LAWS, "rigid")
+        require(fits, "exponent", f"1 or nothing {when}", self.exponent)
         return self
 
     def data(self) -> data.ClearanceData:
         """Return the clearance as data of the mechanism."""
-        own = self.model_dump(exclude={"friction", "bearing"})
-        friction = None if self.friction is None else data.FrictionData(**self.friction.model_dump())
-        return data.ClearanceData(**own, friction=friction)
+        friction = (
+            None if self.friction is None else data.FrictionLaw(**self.friction.model_dump(exclude_none=True))
+        )
+        return data.ClearanceData(**self.model_dump(exclude={"friction", "bearing"}), friction=friction)
 
 
 # Loads
 
 
-def period_of(angle: Sequence[float]) -> float:
-    """Return the period of a table over angles in rad: one revolution or two, the one that is nearer."""
-    return TURN if angle[-1] - angle[0] < 1.5 * TURN else 2 * TURN
+class Cylinder(Table):
+    """A force by an angle: a periodic spline, or straight lines, over one revolution, or two.
 
-
-class Gas(Table):
-    """A force by the angle of a ``body``, that which is driven unless it is named, as of a cylinder.
-
-    A periodic cubic spline, or straight lines, through a table over one revolution, or over two, whose last
-    entry is the first again.
+    Its last entry is the first again.
     """
 
+    force_N: Numbers
+
+    @property
+    def by_angle(self) -> data.Table:
+        """The table, which repeats after that of one revolution and two that is nearer to its length."""
+        name = self.COLUMNS[0]
+        angle = getattr(self, name)
+        return self.table(name, "force_N", TURN if angle[-1] - angle[0] < 1.5 * TURN else 2 * TURN)
+
+    @model_validator(mode="after")
+    def _repeats(self) -> "Cylinder":
+        self.require_table(*self.COLUMNS)
+        name, angle, force, period = self.COLUMNS[0], self.by_angle.x, self.force_N, self.by_angle.period
+        end = angle[0] + period
+        is_period = abs(angle[-1] - end) <= REVOLUTION_RAD
+        expected = (
+            f"one revolution or two after the first, {angle[0] + TURN:.6g} or {angle[0] + 2 * TURN:.6g}"
+        )
+        require(is_period, f"{name}.{len(angle) - 1}", expected, angle[-1])
+        expected = f"a number < {end:.6g}, where the table repeats"
+        require(angle[-2] < end, f"{name}.{len(angle) - 2}", expected, angle[-2])
+        closes = abs(force[-1] - force[0]) <= CLOSES * max(map(abs, force))
+        require(closes, f"force_N.{len(force) - 1}", f"the first one again, {force[0]:g}", force[-1])
+        return self
+
+
+class Gas(Cylinder):
+    """A force by the angle of a ``body``, that which is driven unless it is named, as of a cylinder."""
+
+    COLUMNS = ("angle_rad", "force_N")
+
     angle_rad: Angles
-    force_N: Numbers
     body: PartName | None = None
-
-    @model_validator(mode="after")
-    def _closes(self) -> "Gas":
-        require_period(self, "angle_rad", self.angle_rad, self.force_N)
-        return self
-
-
-class CrankGas(Table):
-    """A force by the crank's angle: see ``[load.NAME.gas]``."""
-
-    crank_angle_rad: Angles
-    force_N: Numbers
-
-    @model_validator(mode="after")
-    def _closes(self) -> "CrankGas":
-        require_period(self, "crank_angle_rad", self.crank_angle_rad, self.force_N)
-        return self
-
-
-def require_period(table: Table, name: str, angle: Sequence[float], force: Sequence[float]) -> None:
-    """Refuse a table over angles that does not repeat after one revolution, or after two."""
-    table.require_table(name, "force_N")
-    period = period_of(angle)
-    times = "one revolution" if period == TURN else "two revolutions"
-    ends = angle[0] + TURN, angle[0] + 2 * TURN
-    expected = f"one revolution or two after the first, {ends[0]:.6g} or {ends[1]:.6g}"
-    is_period = abs(angle[-1] - angle[0] - period) <= REVOLUTION_RAD
-    require(is_period, f"{name}.{len(angle) - 1}", expected, angle[-1])
-    expected = f"a number < {angle[0] + period:.6g}, {times} after the first"
-    require(angle[-2] < angle[0] + period, f"{name}.{len(angle) - 2}", expected, angle[-2])
-    closes = abs(force[-1] - force[0]) <= CLOSES * max(map(abs, force))
-    require(closes, f"force_N.{len(force) - 1}", f"the first one again, {force[0]:g}", force[-1])
 
 
 class ByTime(Table):
     """A force in N, a torque in N m or both by the drive's clock, as a spline or straight lines."""
 
+    COLUMNS = ("time_s", "force_N", "torque_N_m")
+
     time_s: Numbers
     force_N: Numbers | None = None
     torque_N_m: Numbers | None = None
-    end_slopes: Numbers | None = None
+    end_slopes: Pair | None = None
 
     @model_validator(mode="after")
     def _is_a_table(self) -> "ByTime":
@@ -409,6 +410,10 @@ class ByTime(Table):
         one = self.end_slopes is None or len(columns) == 1
         require(one, "end_slopes", "nothing beside both force_N and torque_N_m", self.end_slopes)
         return self
+
+    def column(self, name: str) -> data.Table | None:
+        """Return a column over time, None if there is none."""
+        return None if getattr(self, name) is None else self.table("time_s", name)
 
 
 class Load(SceneData):
@@ -435,10 +440,9 @@ class Load(SceneData):
 
     @model_validator(mode="after")
     def _is_some(self) -> "Load":
-        alone = {"free_position_m", "guide", "along_rad"}
-        kinds = [name for name in type(self).model_fields if name not in alone]
+        kinds = self.model_fields_set - {"free_position_m", "guide", "along_rad"}
         some = any(getattr(self, name) is not None for name in kinds)
-        require(some, "force_N", f"it or {one_of(kinds[1:])}", None)
+        require(some, "force_N", "it or another force or torque", None)
         sprung = self.spring_N_m is not None
         when = f"{'beside' if sprung else 'without'} spring_N_m"
         require_presence(sprung, "free_position_m", self.free_position_m, when)
@@ -447,9 +451,9 @@ class Load(SceneData):
     @property
     def has_forces(self) -> bool:
         """Whether anything acts along a line."""
-        by_time = self.by_time is not None and self.by_time.force_N is not None
-        own = (self.force_N, self.viscous_N_s_m, self.spring_N_m, self.gas)
-        return by_time or any(part is not None for part in own)
+        by_time = None if self.by_time is None else self.by_time.force_N
+        parts = (self.force_N, self.viscous_N_s_m, self.spring_N_m, self.gas, by_time)
+        return any(part is not None for part in parts)
 
 
 # What drives a mechanism. A driver that prescribes the motion keeps it whatever it takes. Prescribed speeds
@@ -460,31 +464,39 @@ class Load(SceneData):
 class AnyDrive(SceneData):
     """What is driven: a ``body``, the first of the file unless it is named, or a guide's body along it."""
 
+    #: What a drive of a body has, and what one along a guide has in its place; none drives a body alone.
+    FITTING: ClassVar[tuple[str, str] | None] = None
+
+    kind: str
     body: PartName | None = None
     guide: PartName | None = None
 
     @model_validator(mode="after")
     def _drives_one_thing(self) -> "AnyDrive":
         require(self.guide is None or self.body is None, "body", "nothing beside guide", self.body)
+        turns = self.kind in ("torque", "motor")
+        require(
+            self.guide is None or not turns,
+            "guide",
+            "nothing with a torque, which acts on a body",
+            self.guide,
+        )
+        if self.FITTING is not None:
+            name, when = self.fitting, "without guide" if self.guide is None else "beside guide"
+            other = next(each for each in self.FITTING if each != name)
+            require_presence(False, other, getattr(self, other), when)
+            require_presence(True, name, getattr(self, name), when)
         return self
+
+    @property
+    def fitting(self) -> str:
+        """The name of the field that fits what is driven."""
+        assert self.FITTING is not None
+        return self.FITTING[self.guide is not None]
 
     def law(self, speed: float) -> data.DriveLaw | None:  # noqa: ARG002
         """Return the law of the drive, whose start has a speed in rad/s or m/s; None drives nothing."""
         return None
-
-    def fitting(self, by_body: str, by_guide: str) -> str:
-        """Return the name of the field that fits what is driven; the other one is to be absent."""
-        name, other = (by_body, by_guide) if self.guide is None else (by_guide, by_body)
-        came, when = getattr(self, other), "without guide" if self.guide is None else "beside guide"
-        require_presence(False, other, came, when)
-        takes = "a list of numbers" if "speed" not in name and "amplitude" not in name else f"a number {when}"
-        require(getattr(self, name) is not None, name, takes, None)
-        return name
-
-    def require_body(self) -> None:
-        """Refuse a torque along a guide."""
-        expected = "nothing with a torque, which acts on a body"
-        require(self.guide is None, "guide", expected, self.guide)
 
 
 class FreeDrive(AnyDrive):
@@ -509,43 +521,36 @@ class RampDrive(AnyDrive):
     It is w0 + (w1 - w0) x^3 (10 - 15 x + 6 x^2) with x = t/``ramp_time_s`` up to 1: twice differentiable.
     """
 
+    FITTING = ("final_speed_rad_s", "final_speed_m_s")
+
     kind: Literal["ramp"]
     final_speed_rad_s: float | None = None
     final_speed_m_s: float | None = None
     ramp_time_s: Positive
 
-    @model_validator(mode="after")
-    def _has_a_speed(self) -> "RampDrive":
-        self.fitting("final_speed_rad_s", "final_speed_m_s")
-        return self
-
     def law(self, speed: float) -> data.DriveLaw:
         """Return the law of the drive."""
-        final = getattr(self, self.fitting("final_speed_rad_s", "final_speed_m_s"))
-        return data.Ramp(speed, final, self.ramp_time_s)
+        return data.Ramp(speed, getattr(self, self.fitting), self.ramp_time_s)
 
 
 class FluctuatingDrive(AnyDrive):
     """The speed is the start's plus a sine of the clock's t.
 
-    It is ``amplitude_rad_s`` sin(2 pi ``frequency_Hz`` t + ``phase_rad``).
+    It is ``amplitude_rad_s`` sin(2 pi ``frequency_Hz`` t + ``phase_rad``). What is slower than 1e-9 Hz is
+    constant for as long as anybody waits.
     """
+
+    FITTING = ("amplitude_rad_s", "amplitude_m_s")
 
     kind: Literal["fluctuating"]
     amplitude_rad_s: NonNegative | None = None
     amplitude_m_s: NonNegative | None = None
-    frequency_Hz: Annotated[float, Field(ge=LOWEST_FREQUENCY_HZ)]
+    frequency_Hz: Annotated[float, Field(ge=1e-9)]
     phase_rad: Angle = 0.0
-
-    @model_validator(mode="after")
-    def _has_an_amplitude(self) -> "FluctuatingDrive":
-        self.fitting("amplitude_rad_s", "amplitude_m_s")
-        return self
 
     def law(self, speed: float) -> data.DriveLaw:
         """Return the law of the drive."""
-        amplitude = getattr(self, self.fitting("amplitude_rad_s", "amplitude_m_s"))
-        return data.Fluctuation(speed, amplitude, self.frequency_Hz, self.phase_rad)
+        return data.Fluctuation(speed, getattr(self, self.fitting), self.frequency_Hz, self.phase_rad)
 
 
 class TableDrive(AnyDrive, Table):
@@ -556,58 +561,58 @@ class TableDrive(AnyDrive, Table):
     Between straight lines the speed jumps: ``linear`` is for a constant speed alone.
     """
 
+    COLUMNS = ("time_s", "angle_rad", "position_m")
+    FITTING = ("angle_rad", "position_m")
+
     kind: Literal["table"]
     time_s: Numbers
     angle_rad: Angles | None = None
     position_m: Numbers | None = None
-    end_slopes: Numbers | None = None
+    end_slopes: Pair | None = None
 
     @model_validator(mode="after")
-    def _is_a_table(self) -> "TableDrive":
-        self.require_table("time_s", self.fitting("angle_rad", "position_m"))
-        if self.interpolation == "linear":
-            self._turns_evenly()
+    def _moves_evenly(self) -> "TableDrive":
+        """Refuse what is no table, and straight lines between which the speed jumps."""
+        self.require_table("time_s", self.fitting)
+        speeds = curve_of(self.course).c[2].tolist() if self.interpolation == "linear" else []
+        for place, (before, after) in enumerate(pairwise(speeds), 1):
+            jump = f"at time_s.{place} the speed would jump from {before:.4g} to {after:.4g}"
+            same = abs(after - before) <= SAME_SPEED * max(map(abs, speeds))
+            require(same, "interpolation", f"'spline' ({jump}, by an infinite force)", "linear")
         return self
 
-    def _turns_evenly(self) -> None:
-        """Refuse straight lines between which the speed jumps."""
-        speeds, unit = curve_of(self.course()).c[2].tolist(), "rad/s" if self.guide is None else "m/s"
-        for place, (before, after) in enumerate(pairwise(speeds), 1):
-            jump = f"at time_s.{place} the speed would jump from {before:.4g} to {after:.4g} {unit}"
-            of = "torque" if self.guide is None else "force"
-            same = abs(after - before) <= SAME_SPEED * max(map(abs, speeds))
-            require(same, "interpolation", f"'spline' ({jump}, by an infinite {of})", "linear")
-
+    @property
     def course(self) -> data.Table:
-        """Return the angle in rad, or the position in m, over the drive's clock in s."""
-        return self.table("time_s", self.fitting("angle_rad", "position_m"))
+        """The angle in rad, or the position in m, over the drive's clock in s."""
+        return self.table("time_s", self.fitting)
 
     def law(self, speed: float) -> data.DriveLaw:  # noqa: ARG002
         """Return the law of the drive."""
-        return data.Course(self.course())
+        return data.Course(self.course)
 
 
 class TorqueDrive(AnyDrive, Table):
     """A torque on the body, counter-clockwise positive: constant, or by a table over the clock's time."""
 
+    COLUMNS = ("time_s", "torque_N_m")
+
     kind: Literal["torque"]
     torque_N_m: float | Numbers
     time_s: Numbers | None = None
-    end_slopes: Numbers | None = None
+    end_slopes: Pair | None = None
 
     @model_validator(mode="after")
     def _is_a_torque(self) -> "TorqueDrive":
-        self.require_body()
         if isinstance(self.torque_N_m, tuple):
-            self.require_table("time_s", "torque_N_m")
+            self.require_table(*self.COLUMNS)
         else:
-            self.require_no_table("torque_N_m", "time_s", "interpolation", "end_slopes")
+            require(self.time_s is None, "time_s", "nothing without a list torque_N_m", self.time_s)
         return self
 
     def law(self, speed: float) -> data.DriveLaw:  # noqa: ARG002
         """Return the law of the drive."""
         torque = self.torque_N_m
-        return data.Torque(self.table("time_s", "torque_N_m") if isinstance(torque, tuple) else torque)
+        return data.Torque(self.table(*self.COLUMNS) if isinstance(torque, tuple) else torque)
 
 
 class MotorDrive(AnyDrive, Table):
@@ -617,37 +622,34 @@ class MotorDrive(AnyDrive, Table):
     table of ``torque_N_m`` over ``speed_rad_s`` has its end values beyond its ends.
     """
 
+    COLUMNS = ("speed_rad_s", "torque_N_m")
+
     kind: Literal["motor"]
     stall_torque_N_m: float | None = None
     no_load_speed_rad_s: float | None = None
     speed_rad_s: Numbers | None = None
     torque_N_m: Numbers | None = None
-    end_slopes: Numbers | None = None
+    end_slopes: Pair | None = None
 
     @model_validator(mode="after")
     def _drives(self) -> "MotorDrive":
-        self.require_body()
-        points = "stall_torque_N_m", "no_load_speed_rad_s"
-        if self.speed_rad_s is not None or self.torque_N_m is not None:
-            self.require_table("speed_rad_s", "torque_N_m")
-            for name in points:
-                require_presence(False, name, getattr(self, name), "beside a table")
-            return self
-        self.require_no_table("torque_N_m", "interpolation", "end_slopes")
+        by_table = self.speed_rad_s is not None or self.torque_N_m is not None
+        when = f"{'beside' if by_table else 'without'} a table"
         stall, speed = self.stall_torque_N_m, self.no_load_speed_rad_s
-        for name in points:
-            require(getattr(self, name) is not None, name, "a finite number", None)
-        require(stall != 0, points[0], "a number other than 0", stall)
-        assert stall is not None
-        assert speed is not None
-        wanted = f"a number {'>' if stall > 0 else '<'} 0, as stall_torque_N_m"
-        require(speed * math.copysign(1.0, stall) > 0, points[1], wanted, speed)
+        require_presence(not by_table, "stall_torque_N_m", stall, when)
+        require_presence(not by_table, "no_load_speed_rad_s", speed, when)
+        if by_table:
+            self.require_table(*self.COLUMNS)
+        elif stall is not None and speed is not None:
+            require(stall != 0, "stall_torque_N_m", "a number other than 0", stall)
+            expected = "a number of the sign of stall_torque_N_m, not 0"
+            require(speed * math.copysign(1.0, stall) > 0, "no_load_speed_rad_s", expected, speed)
         return self
 
     def law(self, speed: float) -> data.DriveLaw:  # noqa: ARG002
         """Return the law of the drive."""
         if self.speed_rad_s is not None:
-            return data.Motor(table=self.table("speed_rad_s", "torque_N_m"))
+            return data.Motor(table=self.table(*self.COLUMNS))
         return data.Motor(self.stall_torque_N_m or 0.0, self.no_load_speed_rad_s or 0.0)
 
 
@@ -682,21 +684,17 @@ class PlacedStart(SceneData):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, BodyState] = Field(init=False)
 
-    angle_rad: Named[Angle] = Field(default_factory=Parts)
-    position_m: Named[float] = Field(default_factory=Parts)
+    angle_rad: Named[Angle] = {}
+    position_m: Named[float] = {}
     hold: Annotated[tuple[PartName, ...], Field(strict=False)] = ()
-    speed_rad_s: Named[float] = Field(default_factory=Parts)
-    speed_m_s: Named[float] = Field(default_factory=Parts)
-    time_s: Clock | None = None
+    speed_rad_s: Named[float] = {}
+    speed_m_s: Named[float] = {}
+    time_s: Clock = 0.0
 
     @property
     def states(self) -> dict[str, BodyState]:
         """The given states of bodies by their names."""
         return self.__pydantic_extra__
-
-
-#: Parts of the format that no engine runs yet, with what they are.
-LATER = {"film": "a lubricated bearing", "friction": "dry friction of an ideal joint"}
 
 
 class Top(SceneData):
@@ -706,56 +704,42 @@ class Top(SceneData):
     end_time_s: Duration
     gravity_m_s2: Gravity = 0.0
 
-    @model_validator(mode="before")
-    @classmethod
-    def _has_no_later_part(cls, data: object) -> object:
-        """Refuse parts of the format that no engine runs yet, play in a guide among them."""
-        if not isinstance(data, Mapping):
-            return data
-        expected = "nothing yet ({}: no engine runs it so far)"
-        for name, what in LATER.items():
-            if part := data.get(name):
-                path = ".".join([name, *map(str, part)][:2]) if isinstance(part, Mapping) else name
-                refuse(path, expected.format(what), {"": 0})
-        rooms, guides = data.get("clearance"), data.get("guide", ["guide"] if "crank" in data else [])
-        if isinstance(rooms, Mapping) and isinstance(guides, Mapping | list):
-            for name in guides:
-                require(name not in rooms, f"clearance.{name}", expected.format("play in a guide"), {"": 0})
-        return data
-
 
 class Sections(Top):
     """Any planar mechanism in motion: bodies that share pins, guides, springs, loads, a drive.
 
-    ``observe`` is what the scene is about: a pin's x or y, a body's angle, or the way along a guide.
-    ``turning`` is the body whose turns are revolutions, "" for none; it is the driven one unless it is named.
+    ``observe`` is what the scene is about: a pin's x or y, a body's angle, or the way along a guide, as
+    "B.x", "B.y", "body.angle" or "guide.along". ``turning`` is the body whose turns are revolutions, "" for
+    none; it is the driven one unless it is named.
     """
 
-    observe: Observe
+    observe: str
     turning: str | None = None
-    ground: Ground = Field(default_factory=lambda: Ground(pins_m=Parts()))
-    body: Annotated[
-        dict[PartName, Body],
-        Field(min_length=1),
-        AfterValidator(Parts),
-        expect("one body at least, as [body.crank]"),
-    ]
-    guide: Named[Guide] = Field(default_factory=Parts)
-    spring: Named[Spring] = Field(default_factory=Parts)
-    load: Named[Load] = Field(default_factory=Parts)
+    ground: Ground = Ground(pins_m={})
+    body: Annotated[Named[Body], Field(min_length=1)]
+    guide: Named[Guide] = {}
+    spring: Named[Spring] = {}
+    load: Named[Load] = {}
     drive: Drive = FreeDrive(kind="free")
-    clearance: Named[Clearance] = Field(default_factory=Parts)
-    start: PlacedStart = Field(default_factory=PlacedStart)
+    clearance: Named[Clearance] = {}
+    start: PlacedStart = PlacedStart()
 
     @model_validator(mode="before")
     @classmethod
-    def _has_no_unknown_in_start(cls, data: object) -> object:
-        """Refuse what is neither a key of the start nor a body, before it is looked at as a body's state."""
-        bodies, start = (data.get("body"), data.get("start")) if isinstance(data, Mapping) else (None, None)
-        if isinstance(bodies, Mapping) and isinstance(start, Mapping):
-            for name in start:
-                choices = [*PlacedStart.model_fields, *bodies]
-                require_known(f"start.{name}", name, choices, "a key of start or a body")
+    def _has_parts_of_its_own(cls, data: object) -> object:
+        """Refuse parts that no engine runs yet, and what is neither a key of the start nor a body."""
+        if not isinstance(data, Mapping):
+            return data
+        names = {part: [*data[part]] for part in data if isinstance(data[part], Mapping)}
+        later = [(part, name) for part in ("film", "friction") for name in names.get(part, ())]
+        later += [
+            ("clearance", name) for name in names.get("clearance", ()) if name in names.get("guide", ())
+        ]
+        for part, name in later:
+            refuse(f"{part}.{name}", "nothing yet, which no engine runs so far", data[part][name])
+        for name in names.get("start", ()):
+            known = [*PlacedStart.model_fields, *names.get("body", ())]
+            require_known(f"start.{name}", name, known, "a key of start or a body")
         return data
 
     @property
@@ -768,8 +752,3 @@ class Sections(Top):
     def driven(self) -> str:
         """The name of the driven body, or guide."""
         return self.drive.guide or self.drive.body or next(iter(self.body))
-
-    @property
-    def clock_s(self) -> float:
-        """What the drive's clock reads as a run begins."""
-        return self.start.time_s or 0.0

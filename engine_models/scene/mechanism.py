@@ -5,15 +5,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from engine_models.scene.format import Guide, Load, Place, Sections, Spring, period_of
+from engine_models.scene.format import Load, Place, Sections
 from reference_solver.mechanism import data
 from reference_solver.mechanism.data import GROUND, Point
 from reference_solver.tape import FloatArray
-
-
-def pair(place: Place) -> Point:
-    """Return a place as a pair: one number is on the x axis."""
-    return place if isinstance(place, tuple) else (place, 0.0)
 
 
 def number_of(scene: Sections, name: str) -> int:
@@ -27,9 +22,10 @@ def point_of(scene: Sections, name: str, pin: str) -> Point:
 
 
 def _from_centre(scene: Sections, name: str, place: Place) -> Point:
-    centre = pair(0.0 if name == "ground" else scene.body[name].centre_of_mass_m)
-    x, y = pair(place)
-    return x - centre[0], y - centre[1]
+    """Return a place of a body, or of the ground, from its centre of mass: one number is on its x axis."""
+    centre = 0.0 if name == "ground" else scene.body[name].centre_of_mass_m
+    (x, y), (x0, y0) = (each if isinstance(each, tuple) else (each, 0.0) for each in (place, centre))
+    return x - x0, y - y0
 
 
 def pins_of(scene: Sections) -> dict[str, list[str]]:
@@ -44,16 +40,32 @@ def pins_of(scene: Sections) -> dict[str, list[str]]:
 
 def mechanism_data(scene: Sections) -> data.MechanismData:
     """Return the mechanism by names of a scene whose parts fit each other."""
-    bodies = tuple(data.BodyData(name, body.mass_kg, body.inertia_kg_m2) for name, body in scene.body.items())
-    guides = tuple(_guide(scene, name, guide) for name, guide in scene.guide.items())
-    springs = tuple(_spring(scene, name, spring) for name, spring in scene.spring.items())
+
+    def place(name: str, point: Place) -> tuple[int, Point]:
+        return number_of(scene, name), _from_centre(scene, name, point)
+
+    def end(name: str, pin: str) -> tuple[int, Point]:
+        return number_of(scene, name), point_of(scene, name, pin)
+
+    bodies = tuple(data.Body(body.mass_kg, body.inertia_kg_m2, name) for name, body in scene.body.items())
+    guides = tuple(
+        data.Guide(*place(it.on, it.through_m), *end(it.body, it.pin), it.angle_rad, name, it.turns)
+        for name, it in scene.guide.items()
+    )
+    springs = tuple(
+        data.Spring(
+            *end(*it.between[0].split(".")),
+            *end(*it.between[1].split(".")),
+            it.stiffness_N_m,
+            it.damping_N_s_m,
+            it.free_length_m,
+            name,
+        )
+        for name, it in scene.spring.items()
+    )
     loads = tuple(_load(scene, name, load, guides) for name, load in scene.load.items())
     drive = _drive(scene, bodies, guides)
     return data.MechanismData(bodies, (*_pins(scene),), guides, springs, loads, drive, scene.gravity)
-
-
-def _end(scene: Sections, name: str, pin: str) -> tuple[int, Point]:
-    return number_of(scene, name), point_of(scene, name, pin)
 
 
 def _pins(scene: Sections) -> Iterator[data.Pin]:
@@ -61,30 +73,19 @@ def _pins(scene: Sections) -> Iterator[data.Pin]:
     for pin, (first, *others) in pins_of(scene).items():
         for other in others:
             name, room = pin if len(others) == 1 else f"{pin}.{other}", scene.clearance.get(pin)
-            ends = *_end(scene, first, pin), *_end(scene, other, pin)
+            i, j = ((number_of(scene, each), point_of(scene, each, pin)) for each in (first, other))
             on_j = room is not None and room.bearing == other
-            yield data.Pin(name, *ends, None if room is None else room.data(), on_j)
-
-
-def _guide(scene: Sections, name: str, guide: Guide) -> data.Guide:
-    through = number_of(scene, guide.on), _from_centre(scene, guide.on, guide.through_m)
-    return data.Guide(*through, guide.angle_rad, *_end(scene, guide.body, guide.pin), name, guide.turns)
-
-
-def _spring(scene: Sections, name: str, spring: Spring) -> data.Spring:
-    i, j = (_end(scene, *end.split(".")) for end in spring.between)
-    return data.Spring(name, *i, *j, spring.stiffness_N_m, spring.free_length_m, spring.damping_N_s_m or 0.0)
+            yield data.Pin(*i, *j, name, None if room is None else room.data(), on_j)
 
 
 def _load(scene: Sections, name: str, load: Load, guides: tuple[data.Guide, ...]) -> data.Load:
-    body, gas, line = number_of(scene, name), None, None
+    body, gas, line, by_time = number_of(scene, name), None, None, load.by_time
     if load.has_forces:  # along a guide of the body, or along a line through its centre of mass
-        fixed = data.Line(GROUND, (0.0, 0.0), load.along_rad or 0.0, body, (0.0, 0.0))
+        fixed = data.Line(GROUND, (0.0, 0.0), body, (0.0, 0.0), load.along_rad or 0.0)
         own = (guide for guide in guides if guide.body_j == body and load.guide in (None, guide.name))
         line = next(own, fixed)
     if load.gas is not None:
-        by_angle = load.gas.table("angle_rad", "force_N", period_of(load.gas.angle_rad))
-        gas = data.GasData(number_of(scene, load.gas.body or scene.drive.body or ""), by_angle)
+        gas = data.GasData(number_of(scene, load.gas.body or scene.driven), load.gas.by_angle)
     return data.Load(
         body,
         line,
@@ -93,32 +94,26 @@ def _load(scene: Sections, name: str, load: Load, guides: tuple[data.Guide, ...]
         load.spring_N_m or 0.0,
         load.free_position_m or 0.0,
         gas,
-        _by_time(load, "force_N"),
+        None if by_time is None else by_time.column("force_N"),
         load.torque_N_m or 0.0,
         load.viscous_N_m_s or 0.0,
-        _by_time(load, "torque_N_m"),
+        None if by_time is None else by_time.column("torque_N_m"),
     )
 
 
-def _by_time(load: Load, column: str) -> data.Table | None:
-    own = load.by_time
-    return None if own is None or getattr(own, column) is None else own.table("time_s", column)
-
-
-def _drive(
-    scene: Sections, bodies: tuple[data.BodyData, ...], guides: tuple[data.Guide, ...]
-) -> data.DriveData:
-    name, states = scene.driven, scene.start.states
+def _drive(scene: Sections, bodies: tuple[data.Body, ...], guides: tuple[data.Guide, ...]) -> data.DriveData:
+    """Return the drive; the speed at the start is that told of what is driven, or that of a given state."""
+    name, start, guide = scene.driven, scene.start, None
     if scene.drive.guide is not None:
-        number = [*scene.guide].index(name)
-        body, told = guides[number].body_j, scene.start.speed_m_s.get(name)
-        if told is None and states:
-            told = _speed_along(scene, data.MechanismData(bodies, (), (guides[number],)))
+        guide = [*scene.guide].index(name)
+        body, speed = guides[guide].body_j, start.speed_m_s.get(name)
+        if speed is None and start.states:
+            speed = _speed_along(scene, data.MechanismData(bodies, (), (guides[guide],)))
     else:
-        number, body, told = None, number_of(scene, name), scene.start.speed_rad_s.get(name)
-        if told is None and name in states:
-            told = states[name].angular_velocity_rad_s
-    return data.DriveData(body, number, scene.drive.law(told or 0.0), scene.clock_s)
+        body, speed = number_of(scene, name), start.speed_rad_s.get(name)
+        if speed is None and start.states:
+            speed = start.states[name].angular_velocity_rad_s
+    return data.DriveData(body, guide, scene.drive.law(speed or 0.0), start.time_s)
 
 
 def levers_m(of: data.MechanismData) -> list[float]:

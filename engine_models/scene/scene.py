@@ -2,26 +2,24 @@
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
 
 import tomli_w
-from pydantic import PrivateAttr, ValidationError, ValidationInfo, model_validator
+from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.checks import check_parts
-from engine_models.scene.format import (
-    TURN,
-    Clearance,
-    SceneError,
-    Sections,
-    period_of,
-)
+from engine_models.scene.format import Clearance, SceneError, Sections
 from engine_models.scene.mechanism import mechanism_data, number_of, pins_of, point_of
-from engine_models.scene.plain_words import refusals
+from engine_models.scene.plain_words import expect
 from engine_models.scene.short import OF_GENERAL, CrankSlider, Link, Slider, in_short
 from engine_models.scene.start import Placed, placed
 from reference_solver.mechanism import data
 from reference_solver.mechanism.data import Point
+
+#: The path of a field, or values by their paths.
+Fields = Annotated[str | Mapping[str, object], expect("a string or a mapping of names to values")]
 
 
 class Observed(NamedTuple):
@@ -52,26 +50,30 @@ class Scene(Sections):
     def _hangs_together(self, info: ValidationInfo) -> "Scene":
         self._short = (info.context or {}).get("short")
         check_parts(self)
-        self._placed = placed(self, self.mechanism, self._short if self.is_plain else None)
+        self._placed = placed(self, self.mechanism, self._short)
         return self
 
     @classmethod
-    def checked(cls, data: Mapping[str, Any]) -> "Scene":
+    def checked(cls, data: Mapping[str, Any], folder: Path = Path(), **_: Any) -> "Scene":
         """Return the scene that a mapping describes, in the short spelling or in the general one.
 
         Raises:
             SceneError: it is none.
         """
         if "crank" not in data and data.keys() & {*OF_GENERAL}:
-            return super().checked(data)
-        short = CrankSlider.checked(data)
+            return super().checked(data, folder)
+        short = CrankSlider.checked(data, folder)
         try:
-            return cls.model_validate(short.general(), context={"short": short})
-        except ValidationError as error:
-            raise SceneError(*map(in_short, refusals(error, cls))) from None
+            return super().checked(short.general(), short=short)
+        except SceneError as error:
+            raise SceneError(*map(in_short, error.reasons)) from None
+
+    def __hash__(self) -> int:
+        """Return a hash of what a file of the scene says."""
+        return hash(self.to_toml())
 
     @check_arguments
-    def replace(self, field: str | Mapping[str, object], value: object = None) -> "Scene":
+    def replace(self, field: Fields, value: object = None) -> "Scene":
         """Return the scene with another value in a field: ``replace("clearance.B.restitution", 0.5)``.
 
         Several fields, checked together, are given as a mapping. None takes a part away, and what there is
@@ -89,7 +91,7 @@ class Scene(Sections):
 
     def to_toml(self) -> str:
         """Return the scene as a TOML file that reads back to an equal scene."""
-        return tomli_w.dumps(_without_empty(self.as_written()))
+        return tomli_w.dumps(self.as_written())
 
     def path(self, general: str) -> str:
         """Return the path of a field in the scene's own spelling."""
@@ -99,6 +101,11 @@ class Scene(Sections):
     def is_short(self) -> bool:
         """Whether it is written in the short spelling, as a crank-slider or a pendulum."""
         return self._short is not None
+
+    @property
+    def is_crank_slider(self) -> bool:
+        """Whether it is written as a crank-slider, so that its columns are of crank and slider."""
+        return self._short is not None and self._short.rod is not None
 
     @property
     def short(self) -> CrankSlider:
@@ -113,11 +120,6 @@ class Scene(Sections):
             )
         return self._short
 
-    @property
-    def is_crank_slider(self) -> bool:
-        """Whether it is written as a crank-slider, so that its columns are of crank and slider."""
-        return self._short is not None and self._short.rod is not None
-
     def crank_slider(self) -> tuple[Link, Link, Slider]:
         """Return crank, rod and slider.
 
@@ -128,27 +130,6 @@ class Scene(Sections):
         if own.rod is None or own.slider is None:
             raise ValueError(f"scene {self.name}: expected a crank-slider, got a pendulum")
         return own.crank, own.rod, own.slider
-
-    @cached_property
-    def is_plain(self) -> bool:
-        """Whether it is written as a crank-slider or a pendulum of the first kind.
-
-        Those have a guide along +x through joint O, gravity along -y, a load on the slider alone by no clock,
-        and a drive on the crank that is no table of a torque.
-        """
-        own, of, law = self._short, self.mechanism, self.mechanism.drive.law
-        if own is None or own.guide != (0.0, 0.0) or of.springs or isinstance(self.gravity_m_s2, tuple):
-            return False
-        by_table = isinstance(law, data.Motor) and law.table is not None
-        by_table |= isinstance(law, data.Torque) and isinstance(law.torque_N_m, data.Table)
-        if by_table or self.drive.body != "crank" or any(room.bearing for room in self.clearance.values()):
-            return False
-        load = own.load.slider
-        alone = own.load.crank is None and own.load.rod is None
-        if load is None or not alone:
-            return alone
-        of_one_turn = load.gas is None or period_of(load.gas.crank_angle_rad) == TURN
-        return of_one_turn and (load.by_time, load.torque_N_m, load.viscous_N_m_s) == (None, None, None)
 
     @cached_property
     def mechanism(self) -> data.MechanismData:
@@ -215,10 +196,6 @@ def with_fields(data: dict[str, Any], fields: Mapping[str, object]) -> dict[str,
                 part[name] = {}
             part = part[name]
         part[names[-1]] = value
+        if value is None:
+            del part[names[-1]]
     return data
-
-
-def _without_empty(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a mapping without empty ones, at any depth."""
-    parts = {name: _without_empty(part) if isinstance(part, dict) else part for name, part in data.items()}
-    return {name: part for name, part in parts.items() if part != {}}

@@ -1,15 +1,14 @@
-"""The start of a scene: as given, by the closed form of a plain crank-slider, or put together."""
+"""The start of a scene: as given, by the closed form of a crank-slider, or put together."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from engine_models.scene.format import Sections, TableDrive, require
+from engine_models.scene.format import Sections, TableDrive, refuse, require
 from engine_models.scene.mechanism import state_of
-from engine_models.scene.plain_words import shown
 from engine_models.scene.short import CrankSlider
-from reference_solver.mechanism.curves import curve_of
-from reference_solver.mechanism.data import ConstantSpeed, DriveData, MechanismData
+from reference_solver.mechanism.data import DriveData, MechanismData, Motion
+from reference_solver.mechanism.motions import curve_of
 from reference_solver.tape import FloatArray
 
 if TYPE_CHECKING:
@@ -30,38 +29,44 @@ class Placed(NamedTuple):
     moved: str | None = None
 
 
-def placed(scene: Sections, of: MechanismData, plain: CrankSlider | None) -> Placed:
-    """Return the start of a scene whose parts fit each other, also by its plain short spelling.
+def placed(scene: Sections, of: MechanismData, short: CrankSlider | None) -> Placed:
+    """Return the start of a scene whose parts fit each other, and that may be spelt short.
 
     Raises:
         ValueError: there is no such start.
     """
-    from reference_solver.mechanism.assembly import NotAssembled, assemble  # most scenes do without
+    from reference_solver.mechanism.assembly import NotAssembled, assemble, require_closed  # most do without
 
-    if scene.start.states:
+    start, moved = scene.start, None
+    if start.states:
         q, v = state_of(scene)
-        _require_closed(scene, of, q, v)
+        _check_springs(of, q)
+        try:
+            require_closed(of, q, v)
+        except NotAssembled as reason:
+            raise ValueError(f"start: {reason}") from None
         return Placed(tuple(q.tolist()), tuple(v.tolist()))
     speeds, along = _speeds(scene, of.drive)
-    if plain is not None:
-        x, v = assembled(plain, plain.start.crank_angle_rad, speeds.get(0, 0.0))
-        return Placed(tuple(x.ravel().tolist()), tuple(v.ravel().tolist()))
-    try:
-        found = assemble(of, _told(scene, speeds, along))
-    except NotAssembled as reason:
-        raise ValueError(_refused(scene, of, str(reason))) from None
-    if scene.drive.kind != "free" and not found.drive_moves:
-        what, came = "guide" if scene.drive.guide else "body", f"{shown(scene.driven)}, which the joints hold"
-        raise ValueError(f"drive.{what}: expected a {what} that can move at the start, got {came}")
-    _check_springs(scene, of, found.q)
-    return Placed(tuple(found.q.tolist()), tuple(found.v.tolist()), _moved(scene, found))
+    if short is not None and short.guide == (0.0, 0.0) and not along:
+        q, v = assembled(short, short.start.crank_angle_rad, speeds.get(0, 0.0))
+    else:
+        try:
+            found = assemble(of, _told(scene, speeds, along))
+        except NotAssembled as reason:
+            raise ValueError(_refused(scene, of, str(reason))) from None
+        if scene.drive.kind != "free" and not found.drive_moves:
+            what = "guide" if scene.drive.guide else "body"
+            refuse(f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
+        q, v, moved = found.q, found.v, _moved(scene, found)
+    _check_springs(of, q.ravel())
+    return Placed(tuple(q.ravel().tolist()), tuple(v.ravel().tolist()), moved)
 
 
 def assembled(own: CrankSlider, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities, each (3, 3), of a plain crank-slider at a crank angle and speed.
+    """Return positions and velocities, each (3, 3), of a crank-slider whose guide is on the x axis.
 
-    They are those of crank, rod and slider by (x, y, phi) of the centre of mass; of a pendulum (1, 3).
-    The rod is on the side of its acute angle: the slider lies to the right of pin A.
+    They are those of crank, rod and slider by (x, y, phi) of the centre of mass, at a crank angle and speed;
+    of a pendulum (1, 3). The rod is on the side of its acute angle: the slider lies to the right of pin A.
     """
     crank, theta, omega = own.crank, angle_rad, speed_rad_s
     state = np.zeros((2, 1 if own.rod is None else 3, 3))
@@ -86,28 +91,16 @@ def along_axis(distance_m: float, angle_rad: float, rate_rad_s: float) -> FloatA
     )
 
 
-def _check_springs(scene: Sections, of: MechanismData, q: FloatArray) -> None:
+def _check_springs(of: MechanismData, q: FloatArray) -> None:
     """Refuse a spring whose ends are at one place, so that its force has no direction."""
     from reference_solver.mechanism.assembly import place_of
 
     for spring in of.springs:
         i, j = place_of(q, spring.body_i, spring.point_i), place_of(q, spring.body_j, spring.point_j)
         has_length = spring.free_length_m > 0 or spring.damping_N_s_m > 0
-        if has_length and not np.hypot(*(j - i)) > ROUND_OFF * spring.free_length_m:
-            where = ", ".join(scene.spring[spring.name].between)
-            expected = "ends that are apart at the start (else its force has no direction)"
-            raise ValueError(f"spring.{spring.name}.between: expected {expected}, got {where} at one place")
-
-
-def _require_closed(scene: Sections, of: MechanismData, q: FloatArray, v: FloatArray) -> None:
-    """Refuse states of bodies at which joints are open, or speeds that joints and drive do not allow."""
-    from reference_solver.mechanism.assembly import NotAssembled, require_closed
-
-    _check_springs(scene, of, q)
-    try:
-        require_closed(of, q, v)
-    except NotAssembled as reason:
-        raise ValueError(f"start: {reason}") from None
+        apart = not has_length or np.hypot(*(j - i)) > ROUND_OFF * spring.free_length_m
+        expected = "ends that are apart at the start (else its force has no direction)"
+        require(bool(apart), f"spring.{spring.name}.between", expected, "both at one place")
 
 
 def _refused(scene: Sections, of: MechanismData, reason: str) -> str:
@@ -155,49 +148,41 @@ def _told(scene: Sections, speeds: dict[int, float], along: dict[int, float]) ->
     from reference_solver.mechanism.assembly import Told
 
     start, bodies, guides = scene.start, [*scene.body], [*scene.guide]
-    held_bodies, held_guides = held_at_start(scene)
+    held = held_at_start(scene)
     return Told(
         {bodies.index(name): angle for name, angle in start.angle_rad.items()},
         {guides.index(name): way for name, way in start.position_m.items()},
-        tuple(map(bodies.index, held_bodies)),
-        tuple(map(guides.index, held_guides)),
+        tuple(bodies.index(name) for name in held if name in bodies),
+        tuple(guides.index(name) for name in held if name in guides),
         speeds,
         along,
     )
 
 
-def held_at_start(scene: Sections) -> tuple[list[str], list[str]]:
+def held_at_start(scene: Sections) -> tuple[str, ...]:
     """Return the bodies and guides whose values are held.
 
     Unless ``hold`` names them, it is what is driven, else the first body or guide told.
     """
-    start, drive = scene.start, scene.drive
-    if start.hold:
-        return [n for n in start.hold if n in scene.body], [n for n in start.hold if n in scene.guide]
-    if drive.kind != "free":
-        return ([], [drive.guide]) if drive.guide is not None else ([scene.driven], [])
-    told = [name for name in scene.body if name in start.angle_rad][:1]
-    return told, [] if told else [*start.position_m][:1]
+    if scene.start.hold or scene.drive.kind != "free":
+        return scene.start.hold or (scene.driven,)
+    told = [name for name in scene.body if name in scene.start.angle_rad]
+    return (*told, *scene.start.position_m)[:1]
 
 
 def _speed_of(drive: DriveData) -> float:
     """Return the speed that a drive prescribes as a run begins, in rad/s or m/s."""
-    from reference_solver.mechanism.building import motion_of
-    from reference_solver.mechanism.motions import MOTIONS
+    from reference_solver.mechanism.motions import going_on, moved
 
-    if isinstance(drive.law, ConstantSpeed):
-        return drive.law.speed
-    motion = motion_of(drive)
-    assert motion is not None
-    return float(MOTIONS[type(motion)](motion, 0.0)[1])
+    assert isinstance(drive.law, Motion)
+    return float(moved(going_on(drive.law, drive.clock_s), 0.0)[1])
 
 
 def _require_speed_of_table(scene: Sections, told: float | None, own: float) -> None:
     """Refuse a speed told that is not the one of the drive's table."""
     drive = scene.drive
-    if not isinstance(drive, TableDrive) or told is None:
-        return
-    fastest = max(abs(rate) for rate in curve_of(drive.course()).derivative()(drive.time_s))
-    key, unit = ("speed_rad_s", "rad/s") if drive.guide is None else ("speed_m_s", "m/s")
-    expected = f"the speed of the drive's table when the scene begins, {own:.4g} {unit}"
-    require(abs(told - own) <= ALIKE * fastest, f"start.{key}.{scene.driven}", expected, told)
+    if isinstance(drive, TableDrive) and told is not None:
+        fastest = max(abs(rate) for rate in curve_of(drive.course).derivative()(drive.time_s))
+        key = "speed_rad_s" if drive.guide is None else "speed_m_s"
+        expected = f"the speed of the drive's table when the scene begins, {own:.4g}"
+        require(abs(told - own) <= ALIKE * fastest, f"start.{key}.{scene.driven}", expected, told)

@@ -14,24 +14,16 @@ if TYPE_CHECKING:
     from pint import UnitRegistry
 
 #: Units of fields by what their names end with; the longest that fits counts.
-UNITS = {
-    "m": "m",
-    "kg": "kg",
+UNITS = {name: name for name in ("m", "kg", "s", "rad", "Hz", "N", "Pa")} | {
     "kg_m2": "kg m^2",
-    "s": "s",
     "m_s": "m/s",
     "m_s2": "m/s^2",
-    "rad": "rad",
     "rad_s": "rad/s",
-    "Hz": "Hz",
-    "N": "N",
     "N_m": "N m",
     "spring_N_m": "N/m",
     "stiffness_N_m": "N/m",
     "N_s_m": "N s/m",
     "N_m_s": "N m s",
-    "Pa_s": "Pa s",
-    "Pa": "Pa",
     "end_slopes": "rad/s",  # of a table
     "stiffness": "N/m^exponent",
 }
@@ -77,10 +69,14 @@ QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER.pattern})\s*(?P<unit>{UNIT})")
 
 
 @cache
+def _end(name: str) -> str:
+    """Return the longest end of a field's name that tells its unit, "" if none does."""
+    return max((end for end in UNITS if f"_{name}".endswith(f"_{end}")), key=len, default="")
+
+
 def unit_of(name: str) -> str | None:
     """Return the unit in which a field of this name has its numbers, None if it has none."""
-    ends = [end for end in UNITS if f"_{name}".endswith(f"_{end}")]
-    return UNITS[max(ends, key=len)] if ends else None
+    return UNITS.get(_end(name))
 
 
 def converted(name: str, other: str) -> float | None:
@@ -88,13 +84,9 @@ def converted(name: str, other: str) -> float | None:
 
     None where they are not the same but for the unit.
     """
-    unit = unit_of(name)
-    ends = [end for end in UNITS if unit and f"_{name}".endswith(f"_{end}")]
-    stem = name.removesuffix(max(ends, key=len, default=""))
-    if not (ends and other.startswith(stem)):
-        return None
-    factor = in_unit(f"1 {other.removeprefix(stem).replace('_', ' ')}", UNITS[max(ends, key=len)])
-    return factor if isinstance(factor, float) else None
+    stem = name.removesuffix(_end(name))
+    factor = in_unit(f"1 {other.removeprefix(stem).replace('_', ' ')}", UNITS[_end(name)])
+    return factor if other.startswith(stem) and isinstance(factor, float) else None
 
 
 def in_own_units(data: Mapping[str, Any], **units: str) -> dict[str, Any]:

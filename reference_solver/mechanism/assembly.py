@@ -12,18 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from reference_solver.failures import listed
-from reference_solver.mechanism import motions
-from reference_solver.mechanism.building import mechanism_of
-from reference_solver.mechanism.constraints import System, row_slices, system_of
-from reference_solver.mechanism.data import GROUND, Line, MechanismData, Pin
-from reference_solver.mechanism.mechanism import (
+from reference_solver.mechanism.constraints import (
     Constraint,
-    Mechanism,
     PrescribedMotion,
     PrescribedSlide,
-    PrescribedSpeed,
-    SameAngle,
+    System,
+    row_slices,
+    system_of,
 )
+from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, Line, MechanismData, Pin
+from reference_solver.mechanism.mechanism import Mechanism, mechanism_of
 from reference_solver.mechanism.points import State
 from reference_solver.tape import FloatArray
 
@@ -81,19 +79,15 @@ class NotAssembled(ValueError):
     """There is no such start; the message says what was expected of what, and what came."""
 
 
-def row_names(mechanism: Mechanism) -> list[str]:
-    """Return the name of the joint of every row, (m,)."""
-    slices = zip(mechanism.names, row_slices(mechanism), strict=True)
-    return [name for name, own in slices for _ in range(own.start, own.stop)]
-
-
-def row_units(mechanism: Mechanism) -> list[str]:
-    """Return the unit of every row's gap, (m,)."""
-    slices = zip(mechanism.constraints, row_slices(mechanism), strict=True)
-    of_angles = SameAngle, PrescribedSpeed, PrescribedMotion
-    return [
-        "rad" if isinstance(c, of_angles) else "m" for c, own in slices for _ in range(own.start, own.stop)
-    ]
+def rows_named(mechanism: Mechanism) -> list[tuple[str, str]]:
+    """Return the name of the joint of every row with the unit of its gap, (m,)."""
+    rows = list[tuple[str, str]]()
+    for k, part in enumerate(row_slices(mechanism.constraints, 3 * len(mechanism.bodies))):
+        constraint = mechanism.constraints[k]
+        units = ["rad" if isinstance(constraint, PrescribedMotion) else "m", "m"]
+        units[1] = "rad" if isinstance(constraint, Guide) else "m"
+        rows += [(mechanism.name_of(k), unit) for unit in units[: part.stop - part.start]]
+    return rows
 
 
 class Joints:
@@ -105,12 +99,10 @@ class Joints:
     def __init__(self, of: MechanismData, driven: bool = False) -> None:
         mechanism = mechanism_of(ideal(of, driven))
         self.data, self.n, self._still = of, 3 * len(of.bodies), np.zeros(3 * len(of.bodies))
-        self._constraints, self.names = mechanism.constraints, row_names(mechanism)
-        self.units = row_units(mechanism)
-        masses = [m for body in of.bodies for m in (body.mass_kg, body.mass_kg, body.inertia_kg_m2)]
-        self.inverse_mass = 1.0 / np.array(masses)
+        self._constraints, self.rows = mechanism.constraints, rows_named(mechanism)
+        self.inverse_mass = 1.0 / mechanism.masses
         lines = ((g.body_i, g.point_i, g.body_j, g.point_j, g.angle_rad) for g in of.guides)
-        self._ways = tuple(PrescribedSlide(*line, motions.Steady(0.0)) for line in lines)
+        self._ways = tuple(PrescribedSlide(*line, ConstantSpeed(0.0)) for line in lines)
 
     def _system(self, constraints: tuple[Constraint, ...], q: FloatArray) -> System:
         return system_of(constraints, State(q, self._still), 0.0, self._still)
@@ -145,8 +137,8 @@ class Joints:
         left, values, _ = np.linalg.svd(scaled / np.where(size > 0, size, 1.0))
         rank = int((values > RANK_TOLERANCE).sum())
         shares = np.linalg.norm(left[:, rank:], axis=1)
-        dependent = dict.fromkeys(name for name, x in zip(self.names, shares, strict=True) if x > SHARE)
-        nearest = self.names[int(np.abs(left[:, rank - 1]).argmax())] if rank else ""
+        dependent = dict.fromkeys(name for (name, _), x in zip(self.rows, shares, strict=True) if x > SHARE)
+        nearest = self.rows[int(np.abs(left[:, rank - 1]).argmax())][0] if rank else ""
         return Rank(len(scaled), rank, self.n - rank, values, tuple(dependent), nearest)
 
 
@@ -193,14 +185,14 @@ def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
         NotAssembled: at q and v, (n,) each, one is not, by more than ``START_TOLERANCE``.
     """
     mechanism = mechanism_of(replace(of, pins=of.ideal, loads=(), springs=()))
-    system, names = system_of(mechanism.constraints, State(q, v), 0.0, q), row_names(mechanism)
+    system, rows = system_of(mechanism.constraints, State(q, v), 0.0, q), rows_named(mechanism)
     gaps, speeds = np.abs(np.asarray(system.g, float)), np.abs(np.asarray(system.B @ v - system.C, float))
     if not gaps.max(initial=0.0) <= START_TOLERANCE:
-        k = int(gaps.argmax())
-        came = f"{names[k]} open by {gaps.max():.3g} {row_units(mechanism)[k]}"
+        name, unit = rows[int(gaps.argmax())]
+        came = f"{name} open by {gaps.max():.3g} {unit}"
         raise NotAssembled(f"expected joints that close, got {came}")
     if not speeds.max(initial=0.0) <= START_TOLERANCE * (1.0 + np.abs(v).max()):
-        came = f"{names[int(speeds.argmax())]} off by {speeds.max():.3g} m/s or rad/s"
+        came = f"{rows[int(speeds.argmax())][0]} off by {speeds.max():.3g} m/s or rad/s"
         raise NotAssembled(f"expected speeds that joints and drive allow, got {came}")
 
 
@@ -233,8 +225,8 @@ def _closed(joints: Joints, rough: FloatArray, told: Told) -> FloatArray:
     open_by, off = gaps.max(initial=0.0), ways.max(initial=0.0)
     if open_by <= CLOSED * length and off <= CLOSED * length:
         return q
-    k = int(gaps.argmax()) if len(gaps) else 0
-    worst = f"{joints.names[k]} open by {open_by:.3g} {joints.units[k]}" if open_by else "none open"
+    name, unit = joints.rows[int(gaps.argmax())] if open_by else ("none", "")
+    worst = f"{name} open by {open_by:.3g} {unit}" if open_by else "none open"
     if bodies or guides:
         _closed(joints, rough, replace(told, held_bodies=(), held_guides=()))  # refuses what never closes
         parts = [joints.data.bodies[k].name for k in told.held_bodies]

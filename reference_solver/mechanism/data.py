@@ -1,12 +1,12 @@
-"""What a planar mechanism consists of, by names: the data from which every engine builds it. No formulas.
+"""What a planar mechanism consists of: the data from which every engine builds it. No formulas.
 
 SI units. Bodies are numbered in the order of the file; ``GROUND`` stands for the frame. A point is given in
 the axes of its body, from its centre of mass; one of the ground in the global frame. Angles are
 counter-clockwise, from the x axis of the body or the frame.
 """
 
-from dataclasses import dataclass
-from typing import Final, Literal
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
 
 Point = tuple[float, float]
 
@@ -18,28 +18,33 @@ Interpolation = Literal["spline", "linear"]
 LINEAR_LAWS, HERTZ_EXPONENT = ("linear", "kelvin-voigt"), 1.5
 
 
+def _name() -> Any:
+    """Return the field of a name, by which no two parts differ."""
+    return field(default="", compare=False)
+
+
 @dataclass(frozen=True)
-class BodyData:
+class Body:
     """A rigid body; its inertia is about the centre of mass."""
 
-    name: str
     mass_kg: float
     inertia_kg_m2: float
+    name: str = _name()
 
 
 @dataclass(frozen=True)
-class FrictionData:
-    """Friction in a joint with clearance; the dead band belongs to Ambrosio's law alone."""
+class FrictionLaw:
+    """Friction in a joint with clearance; the dead band belongs to Ambrosio's law (see ``contacts``)."""
 
     law: Literal["saturated-linear", "ambrosio", "tanh"]
     coefficient: float
     regularisation_speed_m_s: float
-    dead_band_speed_m_s: float | None = None
+    dead_band_speed_m_s: float = 0.0
 
 
 @dataclass(frozen=True)
 class ClearanceData:
-    """The room of a pin in its bearing, and the law of its wall, as a file has it: see ``contact_laws``."""
+    """The room of a pin in its bearing, and the law of its wall, as a file has it (see ``contacts``)."""
 
     radial_clearance_m: float
     bearing_radius_m: float
@@ -52,60 +57,61 @@ class ClearanceData:
     restitution: float | None = None
     minimum_impact_speed_m_s: float | None = None
     may_pull: bool = False
-    friction: FrictionData | None = None
+    friction: FrictionLaw | None = None
 
 
 @dataclass(frozen=True)
-class Pin:
+class Ends:
+    """What lies between two points: one of body i and one of body j."""
+
+    body_i: int
+    point_i: Point
+    body_j: int
+    point_j: Point
+
+
+@dataclass(frozen=True)
+class Pin(Ends):
     """A revolute joint: body j, the one named later, has a point where body i has one.
 
     With clearance the bearing is on body i, or on body j if ``bearing_on_j``. The joint's force acts on body
     j, and its gap leads from the bearing to the pin, whichever has the bearing.
     """
 
-    name: str
-    body_i: int
-    point_i: Point
-    body_j: int
-    point_j: Point
+    name: str = _name()
     clearance: ClearanceData | None = None
     bearing_on_j: bool = False
 
 
 @dataclass(frozen=True)
-class Line:
+class Line(Ends):
     """A line of body i through ``point_i``, at ``angle_rad`` from its x axis, and a point of body j.
 
     The way along it is that of the point from ``point_i``.
     """
 
-    body_i: int
-    point_i: Point
     angle_rad: float
-    body_j: int
-    point_j: Point
 
 
 @dataclass(frozen=True)
 class Guide(Line):
     """A point of body j stays on a line of body i. Body j turns with body i, unless it ``turns`` freely."""
 
-    name: str
+    name: str = _name()
     turns: bool = False
 
 
 @dataclass(frozen=True)
-class Spring:
-    """A linear spring and damper between a point of body i and one of body j."""
+class Spring(Ends):
+    """A linear spring and damper between a point of body i and one of body j.
 
-    name: str
-    body_i: int
-    point_i: Point
-    body_j: int
-    point_j: Point
+    The force along the line is k (l - free length) + c l', pulling the points together.
+    """
+
     stiffness_N_m: float
+    damping_N_s_m: float
     free_length_m: float
-    damping_N_s_m: float = 0.0
+    name: str = _name()
 
 
 @dataclass(frozen=True)
@@ -119,7 +125,7 @@ class Table:
     x: tuple[float, ...]
     y: tuple[float, ...]
     interpolation: Interpolation = "spline"
-    end_slopes: tuple[float, float] | None = None
+    end_slopes: tuple[float | None, float | None] | None = None
     period: float = 0.0
 
 
@@ -161,11 +167,15 @@ class ConstantSpeed:
 
 @dataclass(frozen=True)
 class Ramp:
-    """The speed goes from one to another within a time, twice differentiable."""
+    """The speed goes from one to another within a time from ``start_s`` on, and stays there.
+
+    It is w0 + (w1 - w0) x^3 (10 - 15 x + 6 x^2), x the part of the time that has passed: C'' is continuous.
+    """
 
     first: float
     last: float
     duration_s: float
+    start_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -180,9 +190,12 @@ class Fluctuation:
 
 @dataclass(frozen=True)
 class Course:
-    """The angle in rad, or the way in m, goes by a table over time, counted from its value at the start."""
+    """The angle in rad, or the way in m, goes by a table over time, counted from its value at the start.
 
-    table: Table
+    The solver's own has the table's pieces (see ``motions.PiecewiseCubic``).
+    """
+
+    table: Any
 
 
 @dataclass(frozen=True)
@@ -201,9 +214,9 @@ class Motor:
     table: Table | None = None
 
 
-DriveLaw = ConstantSpeed | Ramp | Fluctuation | Course | Torque | Motor
-#: Laws that prescribe a motion.
-PRESCRIBED = (ConstantSpeed, Ramp, Fluctuation, Course)
+#: Laws that prescribe a motion, and all.
+Motion = ConstantSpeed | Ramp | Fluctuation | Course
+DriveLaw = Motion | Torque | Motor
 
 
 @dataclass(frozen=True)
@@ -221,14 +234,14 @@ class DriveData:
     @property
     def prescribes(self) -> bool:
         """Whether the drive keeps a motion whatever it takes."""
-        return isinstance(self.law, PRESCRIBED)
+        return isinstance(self.law, Motion)
 
 
 @dataclass(frozen=True)
 class MechanismData:
     """A planar mechanism; gravity is an acceleration (x, y) in m/s^2."""
 
-    bodies: tuple[BodyData, ...]
+    bodies: tuple[Body, ...]
     pins: tuple[Pin, ...]
     guides: tuple[Guide, ...] = ()
     springs: tuple[Spring, ...] = ()

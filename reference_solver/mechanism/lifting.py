@@ -1,11 +1,12 @@
 """Data with its numbers replaced: by parameters, for the tape, or by marks, to tell topologies apart."""
 
 import copy
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import Any, TypeVar
+
+from reference_solver.mechanism.motions import PiecewiseCubic
 
 T = TypeVar("T")
 
@@ -13,32 +14,22 @@ T = TypeVar("T")
 WRITTEN_OUT = "written out"
 
 
-class Table(ABC):
-    """Numbers of any count, which a kernel has no input for each of, but a place where they are."""
-
-    rows: tuple[float, ...]
-
-    @abstractmethod
-    def placed(self, behind: int = 0) -> Any:
-        """Return the place as data, with so many numbers of other tables behind this one's."""
-
-
 def lifted(
     data: T,
     number: Callable[[float], Any],
     written_out: tuple[float, ...] = (),
-    placed: Callable[[Table], Any] = lambda table: table.placed(),
+    placed: Callable[[PiecewiseCubic], Any] = PiecewiseCubic.placed,
 ) -> T:
     """Return dataclasses and tuples with every number replaced, in order; zeros and ``written_out`` stay.
 
-    What equals zero is structure: a point at the centre of mass, a law without damping. Of a table the
-    numbers of its place are replaced, as ``placed`` gives it.
+    What equals zero is structure: a point at the centre of mass, a law without damping. Of a table, of which
+    a kernel has no input for each number, those of its place are replaced, as ``placed`` gives it.
     """
     if isinstance(data, float):
         return 0.0 if data == 0 else data if data in written_out else number(data)  # type: ignore[return-value]
     if isinstance(data, tuple):
         return tuple(lifted(part, number, written_out, placed) for part in data)  # type: ignore[return-value]
-    if isinstance(data, Table):
+    if isinstance(data, PiecewiseCubic):
         return lifted(placed(data), number)  # type: ignore[no-any-return]
     parts = _fields(type(data))
     if not parts:
@@ -46,13 +37,13 @@ def lifted(
     new = copy.copy(data)
     for name, of_field in parts:
         value = lifted(getattr(data, name), number, of_field, placed)
-        object.__setattr__(new, name, value)  # frozen, and validated when it was made
+        object.__setattr__(new, name, value)  # the copy of frozen data
     return new
 
 
-def tables_in(data: object) -> list[Table]:
+def tables_in(data: object) -> list[PiecewiseCubic]:
     """Return all tables in dataclasses and tuples, in the order of ``lifted``."""
-    if isinstance(data, Table):
+    if isinstance(data, PiecewiseCubic):
         return [data]
     parts = data if isinstance(data, tuple) else (getattr(data, name) for name, _ in _fields(type(data)))
     return [table for part in parts for table in tables_in(part)]

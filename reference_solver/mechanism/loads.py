@@ -1,171 +1,232 @@
-"""What the loads put into {F(q, q', t)} of (2): one function for each kind, in ``LOADS``.
+"""Loads: what each puts into {F(q, q', t)} of (2), and its potential energy, if it has one.
 
-If only what is ``stored`` is asked for, that is the part that has a potential.
+A new load is a class with its line in ``forces_of``, and in ``potential_J`` or ``integrated``. A force along
+a line acts on its point of body j, and turns with the line: with u along it, s = u.(p_j - p_i), F is F u on
+body j at p_j, and on body i, at the place of p_j, -F u.
 """
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
-from typing import Any
+from dataclasses import dataclass
 
-from reference_solver.mechanism.data import Motor
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    AlongLine,
-    ConstantForce,
-    ForceByTime,
-    GasForce,
-    LineDamper,
-    LineSpring,
-    Load,
-    MotorTorque,
-    SpringDamper,
-    Torque,
-    TorqueBySpeed,
-    TorqueByTime,
-    TurningDamper,
-)
-from reference_solver.mechanism.points import Point, State, ends_of
-from reference_solver.tape import Array, Scalar, array, sqrt
+import numpy as np
+
+from reference_solver.mechanism.data import GROUND, Ends, Line, Point, Spring
+from reference_solver.mechanism.motions import PiecewiseCubic
+from reference_solver.mechanism.points import MovingPoint, State, ends_of
+from reference_solver.tape import Array, FloatArray, Scalar, array, sqrt
 
 #: Generalised forces (3,) by body.
 Forces = dict[int, Array]
 
 
-def torque(load: Torque, state: State, stored: bool) -> Forces:  # noqa: ARG001
-    """Return a constant torque: it has a potential, -T phi."""
-    return {load.body: array([0.0, 0.0, load.torque_N_m])}
+@dataclass(frozen=True)
+class Torque:
+    """A constant torque on a body, counter-clockwise positive."""
+
+    body: int
+    torque_N_m: float
 
 
-def motor_torque_N_m(motor: Motor | MotorTorque, speed_rad_s: Scalar) -> Scalar:
-    """Return the torque of a motor that is linear in its speed, at one or at an array of speeds."""
-    return motor.stall_torque_N_m * (1.0 - speed_rad_s / motor.no_load_speed_rad_s)
+@dataclass(frozen=True)
+class MotorTorque:
+    """A torque on a body that falls with its speed: stall torque (1 - speed/no-load speed)."""
+
+    body: int
+    stall_torque_N_m: float
+    no_load_speed_rad_s: float
 
 
-def motor_torque(load: MotorTorque, state: State, stored: bool) -> Forces:
-    """Return a torque that is linear in the speed."""
+@dataclass(frozen=True)
+class TurningDamper:
+    """A damper of a body's turning: a torque of -c phi'."""
+
+    body: int
+    damping_N_m_s: float
+
+
+@dataclass(frozen=True)
+class TorqueByTime:
+    """A torque on a body by the time in s since the run's start, of a function without jumps."""
+
+    body: int
+    torque_N_m: PiecewiseCubic
+
+
+@dataclass(frozen=True)
+class TorqueBySpeed:
+    """A torque on a body by its speed in rad/s, as a motor's table has it.
+
+    No step is cut where the function has a kink: there RK4 and error control lose their order for a step.
+    """
+
+    body: int
+    torque_N_m: PiecewiseCubic
+
+
+@dataclass(frozen=True)
+class ConstantForce(Line):
+    """A constant force along a line."""
+
+    force_N: float
+
+
+@dataclass(frozen=True)
+class ForceByTime(Line):
+    """A force along a line by the time in s since the run's start, of a function without jumps."""
+
+    force_N: PiecewiseCubic
+
+
+@dataclass(frozen=True)
+class LineSpring(Line):
+    """A spring that pulls the point to s = ``free_position_m``."""
+
+    stiffness_N_m: float
+    free_position_m: float
+
+
+@dataclass(frozen=True)
+class LineDamper(Line):
+    """A damper of s: viscous friction of a guide."""
+
+    damping_N_s_m: float
+
+
+@dataclass(frozen=True)
+class GasForce(Line):
+    """A force along a line that goes by the angle of another body, the crank of a cylinder.
+
+    What it gives in a revolution it does not take back.
+    """
+
+    crank: int
+    force_N: PiecewiseCubic
+
+
+OnBody = Torque | MotorTorque | TurningDamper | TorqueByTime | TorqueBySpeed
+AlongLine = ConstantForce | ForceByTime | LineSpring | LineDamper | GasForce
+Load = OnBody | AlongLine | Spring
+
+
+def integrated(load: Load) -> bool:
+    """Whether work of a load, of a spring that of its damper, is integrated: it has no potential."""
+    if isinstance(load, Spring):
+        return load.damping_N_s_m != 0
+    return not isinstance(load, Torque | ConstantForce | LineSpring)
+
+
+def forces_of(load: Load, state: State) -> Forces:
+    """Return the forces of a load on bodies."""
+    match load:
+        case Spring():
+            return _pulled(load, state)
+        case ConstantForce() | ForceByTime() | LineSpring() | LineDamper() | GasForce():
+            return _along(load, state, _force(load, state))
+    return {load.body: array([0.0, 0.0, _torque(load, state)])}
+
+
+def _torque(load: OnBody, state: State) -> Scalar:
     speed = state.velocity(load.body)[2]
-    return {} if stored else turning(load.body, motor_torque_N_m(load, speed))
-
-
-def turning_damper(load: TurningDamper, state: State, stored: bool) -> Forces:
-    """Return a torque against the turning."""
-    return {} if stored else turning(load.body, -load.damping_N_m_s * state.velocity(load.body)[2])
-
-
-def torque_by_time(load: TorqueByTime, state: State, stored: bool) -> Forces:
-    """Return a torque by the time."""
-    return {} if stored else turning(load.body, load.torque_N_m.at(state.t)[0])
-
-
-def torque_by_speed(load: TorqueBySpeed, state: State, stored: bool) -> Forces:
-    """Return a torque by the speed."""
-    return {} if stored else turning(load.body, load.torque_N_m.at(state.velocity(load.body)[2])[0])
-
-
-def turning(body: int, torque: Scalar) -> Forces:
-    """Return a torque in N m on a body."""
-    return {body: array([0.0, 0.0, torque])}
-
-
-def constant_force(load: ConstantForce, state: State, stored: bool) -> Forces:  # noqa: ARG001
-    """Return a constant force along a line: it has a potential, -F s."""
-    return along(load, state, load.force_N)
-
-
-def force_by_time(load: ForceByTime, state: State, stored: bool) -> Forces:
-    """Return a force along a line by the time."""
-    return {} if stored else along(load, state, load.force_N.at(state.t)[0])
-
-
-def line_spring(load: LineSpring, state: State, stored: bool) -> Forces:  # noqa: ARG001
-    """Return the pull of a spring along a line: it has a potential, k (s - free position)^2/2."""
-    i, j = ends_of(load, state)
-    way = state.direction(load.body_i, load.angle_rad) @ (j.place - i.place)
-    return along(load, state, -load.stiffness_N_m * (way - load.free_position_m))
+    match load:
+        case MotorTorque():
+            return load.stall_torque_N_m * (1.0 - speed / load.no_load_speed_rad_s)
+        case TurningDamper():
+            return -load.damping_N_m_s * speed
+        case TorqueByTime():
+            return load.torque_N_m.at(state.t)[0]
+        case TorqueBySpeed():
+            return load.torque_N_m.at(speed)[0]
+    return load.torque_N_m
 
 
 # s = u.d, d = p_j - p_i, with u along the line and n across it: u' = phi_i' n
 # s' = u.d' + phi_i' n.d
-def line_damper(load: LineDamper, state: State, stored: bool) -> Forces:
-    """Return the force of a damper along a line."""
-    i, j = ends_of(load, state)
-    u = state.direction(load.body_i, load.angle_rad)
-    across = array([-u[1], u[0]])
-    rate = u @ (j.rate - i.rate) + i.spin * (across @ (j.place - i.place))
-    return {} if stored else along(load, state, -load.damping_N_s_m * rate)
+def _force(load: AlongLine, state: State) -> Scalar:
+    (i, j), u = ends_of(load, state), state.direction(load.body_i, load.angle_rad)
+    match load:
+        case ForceByTime():
+            return load.force_N.at(state.t)[0]
+        case LineSpring():
+            return -load.stiffness_N_m * (u @ (j.place - i.place) - load.free_position_m)
+        case LineDamper():
+            across = array([-u[1], u[0]])
+            rate = u @ (j.rate - i.rate) + i.spin * (across @ (j.place - i.place))
+            return -load.damping_N_s_m * rate
+        case GasForce():
+            return load.force_N.at(state.position(load.crank)[2])[0]
+    return load.force_N
 
 
-def gas_force(load: GasForce, state: State, stored: bool) -> Forces:
-    """Return a force by the angle of the crank: what it gives in a revolution it does not take back."""
-    return {} if stored else along(load, state, load.force_N.at(state.position(load.crank)[2])[0])
-
-
-def along(load: AlongLine, state: State, force: Scalar) -> Forces:
-    """Return a force in N along a load's line on the point of body j, and its reaction at the same place."""
-    _, j = ends_of(load, state)
-    pull = force * state.direction(load.body_i, load.angle_rad)
-    forces = {load.body_j: pull @ j.jacobian}
-    if load.body_i != GROUND:
-        lever = j.place - state.position(load.body_i)[:2]
-        forces[load.body_i] = -array([pull[0], pull[1], lever[0] * pull[1] - lever[1] * pull[0]])
+def _along(line: Line, state: State, force: Scalar) -> Forces:
+    """Return a force in N along a line on the point of body j, and its reaction at the same place."""
+    _, j = ends_of(line, state)
+    pull = force * state.direction(line.body_i, line.angle_rad)
+    forces = {line.body_j: pull @ j.jacobian}
+    if line.body_i != GROUND:
+        lever = j.place - state.position(line.body_i)[:2]
+        forces[line.body_i] = -array([pull[0], pull[1], lever[0] * pull[1] - lever[1] * pull[0]])
     return forces
 
 
-def spring_damper(load: SpringDamper, state: State, stored: bool) -> Forces:
-    """Return the pull along the line between two points; if ``stored``, of the spring alone.
-
-    One without a free length and a damper has a force at length 0 too, which is 0.
-    """
-    i, j = ends_of(load, state)
+def _pulled(spring: Spring, state: State) -> Forces:
+    """Return the pull along the line between two points; without free length and damper also at length 0."""
+    i, j = ends_of(spring, state)
     d = j.place - i.place
-    if not (load.free_length_m or load.damping_N_s_m):
-        return pair(i, j, -load.stiffness_N_m * d)
+    if not (spring.free_length_m or spring.damping_N_s_m):
+        return pair(i, j, -spring.stiffness_N_m * d)
     length = sqrt(d @ d)
-    tension = load.stiffness_N_m * (length - load.free_length_m)
-    if not stored:
-        tension = tension + load.damping_N_s_m * (d @ (j.rate - i.rate)) / length
+    closing = spring.damping_N_s_m * (d @ (j.rate - i.rate))
+    tension = spring.stiffness_N_m * (length - spring.free_length_m) + closing / length
     return pair(i, j, (-(tension / length)) * d)
 
 
-def pair(i: Point, j: Point, force: Array, twist_i: Scalar = 0.0, twist_j: Scalar = 0.0) -> Forces:
+def pair(
+    i: MovingPoint, j: MovingPoint, force: Array, twist_i: Scalar = 0.0, twist_j: Scalar = 0.0
+) -> Forces:
     """Return a force (2,) on point j, its reaction on point i, and a torque on each body."""
     on_i, on_j = array([0.0, 0.0, twist_i]), array([0.0, 0.0, twist_j])
     return {i.body: on_i - force @ i.jacobian, j.body: on_j + force @ j.jacobian}
 
 
-#: The function of each kind of load: of it, the state, and whether only what has a potential is asked for.
-LOADS: Mapping[type, Callable[[Any, State, bool], Forces]] = MappingProxyType(
-    {
-        Torque: torque,
-        MotorTorque: motor_torque,
-        TurningDamper: turning_damper,
-        TorqueByTime: torque_by_time,
-        TorqueBySpeed: torque_by_speed,
-        SpringDamper: spring_damper,
-        ConstantForce: constant_force,
-        ForceByTime: force_by_time,
-        LineSpring: line_spring,
-        LineDamper: line_damper,
-        GasForce: gas_force,
-    }
-)
-#: Kinds whose work is integrated beside the motion: it is no function of where the bodies are.
-INTEGRATED = (
-    *(MotorTorque, TurningDamper, TorqueByTime, TorqueBySpeed),
-    *(ForceByTime, LineDamper, GasForce),
-)
-
-
-def integrated(load: Load) -> bool:
-    """Whether the work of a load is integrated beside the motion: of a spring with a damper the damper's."""
-    return isinstance(load, INTEGRATED) or (isinstance(load, SpringDamper) and load.damping_N_s_m != 0)
-
-
 def power_of(load: Load, forces: Forces, state: State) -> Scalar:
     """Return the power in W of a load's forces on bodies, as far as it is integrated."""
-    if isinstance(load, SpringDamper):
+    if isinstance(load, Spring):
         i, j = ends_of(load, state)
         d = j.place - i.place
         closing = d @ (j.rate - i.rate)
         return -load.damping_N_s_m * (closing * closing / (d @ d))
     return sum(force @ state.velocity(body) for body, force in forces.items())
+
+
+def potential_J(load: Load, q: FloatArray) -> FloatArray | None:
+    """Return the potential energy (s,) at coordinates (s, n); None of loads without one."""
+    match load:
+        case Torque():
+            return np.asarray(-load.torque_N_m * q[:, 3 * load.body + 2])
+        case ConstantForce():
+            return np.asarray(-load.force_N * _along_m(load, q))
+        case LineSpring():
+            return np.asarray(load.stiffness_N_m * (_along_m(load, q) - load.free_position_m) ** 2 / 2)
+        case Spring():
+            return np.asarray(load.stiffness_N_m * (distance_m(load, q) - load.free_length_m) ** 2 / 2)
+    return None
+
+
+def distance_m(ends: Ends, q: FloatArray) -> FloatArray:
+    """Return the distance (s,) of a part's ends at coordinates (s, n)."""
+    d = place_m(q, ends.body_j, ends.point_j) - place_m(q, ends.body_i, ends.point_i)
+    return np.asarray(np.hypot(*d.T))
+
+
+def _along_m(line: Line, q: FloatArray) -> FloatArray:
+    x, y = (place_m(q, line.body_j, line.point_j) - place_m(q, line.body_i, line.point_i)).T
+    angle = line.angle_rad + (0.0 if line.body_i == GROUND else q[:, 3 * line.body_i + 2])
+    return np.asarray(np.cos(angle) * x + np.sin(angle) * y)
+
+
+def place_m(q: FloatArray, body: int, point: Point) -> FloatArray:
+    """Return where a point of a body is, (s, 2), at coordinates (s, n)."""
+    if body == GROUND:
+        return np.tile(point, (len(q), 1))
+    x, y, angle = q[:, 3 * body : 3 * body + 3].T
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.column_stack([x + cos * point[0] - sin * point[1], y + sin * point[0] + cos * point[1]])

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from reference_solver.mechanism.mechanism import GROUND, Ends
-from reference_solver.mechanism.mechanism import Point as Place
+from reference_solver.mechanism.data import GROUND, Ends, Point
 from reference_solver.tape import Array, Scalar, array, cos, sin
 
 
 @dataclass(frozen=True)
-class Point:
+class MovingPoint:
     """A point of a body, in the global frame.
 
     ``lever`` (2,) leads there from the body's centre of mass, ``place`` (2,) from the origin; ``rate`` (2,)
@@ -52,18 +51,18 @@ class State:
         """Return the rates of a body's (x, y, phi)."""
         return self._still if body == GROUND else self.v[3 * body : 3 * body + 3]
 
-    def point(self, body: int, place: Place) -> Point:
+    def point(self, body: int, place: Point) -> MovingPoint:
         """Return a point given in the frame of its body."""
         at, rate, lever = self.position(body), self.velocity(body), self._turned(body, place)
         spin = rate[2]
         turning = array([-spin * lever[1], spin * lever[0]])
-        return Point(body, lever, at[:2] + lever, rate[:2] + turning, spin)
+        return MovingPoint(body, lever, at[:2] + lever, rate[:2] + turning, spin)
 
     def direction(self, body: int, angle_rad: float) -> Array:
         """Return the unit vector (2,) at an angle from the x axis of a body, in the global frame."""
         return self._turned(body, (cos(angle_rad), sin(angle_rad)))
 
-    def _turned(self, body: int, vector: Place) -> Array:
+    def _turned(self, body: int, vector: Point) -> Array:
         """Return a vector (2,) in the frame of its body in the directions of the global one."""
         if body not in self._turns:
             angle = self.position(body)[2]
@@ -72,14 +71,18 @@ class State:
         return array([c * x - s * y, s * x + c * y])
 
 
-def ends_of(part: Ends, state: State) -> tuple[Point, Point]:
+def ends_of(part: Ends, state: State) -> tuple[MovingPoint, MovingPoint]:
     """Return the points of bodies i and j: of a joint with clearance the bearing's centre and the pin's."""
     return state.point(part.body_i, part.point_i), state.point(part.body_j, part.point_j)
 
 
-# u.d' = u.(p_j' - p_i') along a direction u: the row of a ``massless_link`` with u for d
+# u.d' = u.(p_j' - p_i') along a direction u: the row of a ``following`` with u for d
 def speed_row(
-    direction: Array, bearing: Point, pin: Point, size: int, twist: tuple[Scalar, Scalar] = (0.0, 0.0)
+    direction: Array,
+    bearing: MovingPoint,
+    pin: MovingPoint,
+    size: int,
+    twist: tuple[Scalar, Scalar] = (0.0, 0.0),
 ) -> Array:
     """Return the row (size,) that gives from {q'} the speed of the pin from the bearing along a direction.
 

@@ -5,17 +5,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    AlongLine,
-    ForceByTime,
-    Load,
-    Mechanism,
-    PrescribedMotion,
-    PrescribedSlide,
-    TorqueByTime,
-)
-from reference_solver.mechanism.tables import ROW, PiecewiseCubic
+from reference_solver.mechanism.constraints import PrescribedMotion, PrescribedSlide
+from reference_solver.mechanism.data import GROUND
+from reference_solver.mechanism.loads import AlongLine, ForceByTime, Load, TorqueByTime
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.motions import ROW, PiecewiseCubic, fastest
 from reference_solver.tape import FloatArray
 
 
@@ -43,8 +37,8 @@ def scales_of(
     pushed = max((_push(load, mechanism, end_time_s) for load in mechanism.loads), default=0.0)
     turned = max((_turn(load, mechanism, end_time_s) for load in mechanism.loads), default=0.0)
     swing = max(swing, np.sqrt(pushed / length), np.sqrt(turned))
-    turns = (c.motion.fastest for c in mechanism.constraints if isinstance(c, PrescribedMotion))
-    slides = (c.motion.fastest / length for c in mechanism.constraints if isinstance(c, PrescribedSlide))
+    turns = (fastest(c.motion) for c in mechanism.constraints if isinstance(c, PrescribedMotion))
+    slides = (fastest(c.motion) / length for c in mechanism.constraints if isinstance(c, PrescribedSlide))
     driven = max([0.0, *turns, *slides])
     rate = max(rate_of(v, length), np.sqrt(rate_of(acceleration, length)), swing, driven)
     if not (np.isfinite(rate) and rate > 0):

@@ -96,7 +96,7 @@ def _energies(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
     of = scene.mechanism
     if any(of.gravity_m_s2) or run.contacts or of.springs:  # a contact stores elastic energy
         columns["potential_energy_J"] = potential_energy_J(scene, run)
-    is_product = scene.drive.kind not in OF_TIME and scene.is_plain
+    is_product = scene.drive.kind not in OF_TIME and scene.is_short
     if run.driver_work_J is not None and (run.load_work_J or not is_product):
         columns["driver_work_J"] = run.driver_work_J
     columns |= load_works(run)

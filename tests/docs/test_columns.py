@@ -55,7 +55,7 @@ def test_the_columns_of_runs_are_those_on_the_page() -> None:
     for of in SCENES:
         short = of.replace("end_time_s", END_S)
         columns = set(sample_columns(short, engine.simulate(short, RunSettings(STEP_S, 2))))
-        parts = [part.name for part in (*of.mechanism.guides, *of.mechanism.springs)]
+        parts = [guide.name for guide in of.mechanism.guides] + [s.name for s in of.mechanism.springs]
         observed = [str(of.observed.name).replace(".", "_")]
         words = {"OBSERVED": observed, "BODY": of.mechanism.names, "JOINT": of.joints, "NAME": parts}
         known = set[str]()

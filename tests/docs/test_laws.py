@@ -12,7 +12,8 @@ from scipy.special import lambertw
 from engine_models.scene.format import LAWS
 from engine_models.scene.format import FrictionLaw as FrictionName
 from engine_models.scene.library import clearance
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, FRICTION_LAWS, FrictionLaw, stiffness_of
+from reference_solver.mechanism.contacts import DAMPING_FACTORS, FRICTION_LAWS, stiffness_of
+from reference_solver.mechanism.data import FrictionLaw
 from tests.docs.pages import table
 
 PAGE = "docs/laws.md"

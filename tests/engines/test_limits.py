@@ -12,7 +12,7 @@ from engine_models.engines import ENGINES, make_engine
 from engine_models.mechanics.quality import quality_of
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.building import mechanism_of
+from reference_solver.mechanism.mechanism import mechanism_of
 from tests.helpers.crank_sliders import HELD
 
 each = pytest.mark.parametrize("engine", ENGINES)
@@ -81,7 +81,7 @@ def test_a_crank_that_is_held_takes_the_loads_torque(engine: str) -> None:
 def test_a_law_by_a_function_of_its_own_is_named_in_a_scene_and_the_reference_alone_has_it() -> None:
     room = {"radial_clearance_m": 5e-4, "bearing_radius_m": 0.01, "stiffness": 1e10, "damping_N_s_m": 1e5}
     of = SCENES["clearance-driven-0.5mm"]().replace("clearance.B", {**room, "law": "kuwabara-kono"})
-    law = mechanism_of(of.mechanism).contacts[0].compliance
+    law = mechanism_of(of.mechanism).contacts[0].law
     assert (law.kind, law.stiffness, law.damping_N_s_m) == ("kuwabara-kono", 1e10, 1e5)
     for engine in ("exudyn", "pymunk"):
         with pytest.raises(UnsupportedScene, match="law: expected a law of a stiffness"):

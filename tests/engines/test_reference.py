@@ -84,7 +84,7 @@ Extra = Callable[[float, float, float, Path], float]
 
 def balance(of: Scene, at: Path) -> tuple[float, float, float]:
     """Return M, M'/2 and gravity's force on the crank's angle."""
-    tilt, (gx, gy) = of.short.slider.guide_angle_rad or 0.0 if of.short.slider else 0.0, of.gravity
+    (tilt, _), (gx, gy) = of.short.guide, of.gravity
     weight = complex(gx, gy) * cmath.exp(-1j * tilt)
     inertia = half = force = 0.0
     for body, p1, p2, a1, a2 in zip(of.mechanism.bodies, at.first, at.second, at.turn, at.bend, strict=True):
@@ -96,7 +96,7 @@ def balance(of: Scene, at: Path) -> tuple[float, float, float]:
 
 def turned(of: Scene, times: FloatArray, extra: Extra | None = None) -> FloatArray:
     """Return the crank's angles from +x at times; what is extra has kinks at ``TIMES`` of the clock."""
-    tilt, clock = of.short.slider.guide_angle_rad or 0.0 if of.short.slider else 0.0, of.clock_s
+    (tilt, _), clock = of.short.guide, of.start.time_s
 
     def rates(t: float, y: FloatArray) -> list[float]:
         angle, speed = float(y[0]), float(y[1])

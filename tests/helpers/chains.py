@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, RevoluteJoint
+from reference_solver.mechanism.data import GROUND, Body, Pin
+from reference_solver.mechanism.mechanism import Mechanism
 
 FloatArray = NDArray[np.float64]
 
@@ -11,8 +12,8 @@ FloatArray = NDArray[np.float64]
 def chain(links: int) -> Mechanism:
     """A chain of rods of 0.1 m, hung from the frame."""
     length = 0.1
-    first = RevoluteJoint(GROUND, (0.0, 0.0), 0, (-length / 2, 0.0))
-    joints = [RevoluteJoint(k, (length / 2, 0.0), k + 1, (-length / 2, 0.0)) for k in range(links - 1)]
+    first = Pin(GROUND, (0.0, 0.0), 0, (-length / 2, 0.0))
+    joints = [Pin(k, (length / 2, 0.0), k + 1, (-length / 2, 0.0)) for k in range(links - 1)]
     return Mechanism((Body(0.1, 1e-4),) * links, (first, *joints), gravity_m_s2=9.81)
 
 

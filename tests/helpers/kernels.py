@@ -10,8 +10,9 @@ from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.start import assembled
 from reference_solver.equations import Baumgarte
-from reference_solver.mechanism.mechanism import GROUND, Mechanism, SameAngle, Slot
-from reference_solver.mechanism.mechanism import Point as Place
+from reference_solver.mechanism.data import GROUND, Guide
+from reference_solver.mechanism.data import Point as Place
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solver import Stabilisation
 
 FloatArray = NDArray[np.float64]
@@ -25,9 +26,9 @@ VARIANTS: dict[str, Stabilisation] = {
 }
 
 
-def straight_guide(body: int, point: Place, angle_rad: float) -> tuple[Slot, SameAngle]:
+def straight_guide(body: int, point: Place, angle_rad: float) -> tuple[Guide]:
     """Return what keeps a body's centre on a fixed line through a point, and the body's angle."""
-    return Slot(GROUND, point, body, (0.0, 0.0), angle_rad), SameAngle(GROUND, body)
+    return (Guide(GROUND, point, body, (0.0, 0.0), angle_rad),)
 
 
 def scene_case(name: str) -> Start:

@@ -3,7 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.mechanism.mechanism import GROUND, Mechanism, Point, SpringDamper, Torque
+from reference_solver.mechanism.data import GROUND, Point, Spring
+from reference_solver.mechanism.loads import Torque
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
 
 FloatArray = NDArray[np.float64]
@@ -22,7 +24,7 @@ def potential_energy_J(mechanism: Mechanism, q: FloatArray) -> FloatArray:
     for load in mechanism.loads:
         if isinstance(load, Torque):
             energy = energy - load.torque_N_m * q[:, 3 * load.body + 2]
-        if isinstance(load, SpringDamper):
+        if isinstance(load, Spring):
             ends = place(q, load.body_j, load.point_j) - place(q, load.body_i, load.point_i)
             stretch = np.hypot(*ends.T) - load.free_length_m
             energy = energy + load.stiffness_N_m * stretch**2 / 2

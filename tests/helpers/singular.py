@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from reference_solver.energy import MOVED
 from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
-from reference_solver.guard import MOVED
-from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, PrescribedSpeed, RevoluteJoint
+from reference_solver.mechanism.constraints import PrescribedMotion
+from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Pin
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice
 from tests.helpers.kernels import straight_guide
 
@@ -65,11 +67,11 @@ def parallelograms(loops: int, end_time_s: float = 10.0) -> Passing:
     The N + 1 cranks are pendulums, J phi'' = -M g cos phi, to whose ends the N couplers add their mass.
     """
     rod, cranks = Body(1.0, 1 / 12), range(loops + 1)
-    joints = [RevoluteJoint(GROUND, (float(k), 0.0), k, (-0.5, 0.0)) for k in cranks]
+    joints = [Pin(GROUND, (float(k), 0.0), k, (-0.5, 0.0)) for k in cranks]
     for k in range(loops):
         coupler = loops + 1 + k
-        joints.append(RevoluteJoint(k, (0.5, 0.0), coupler, (-0.5, 0.0)))
-        joints.append(RevoluteJoint(coupler, (0.5, 0.0), k + 1, (0.5, 0.0)))
+        joints.append(Pin(k, (0.5, 0.0), coupler, (-0.5, 0.0)))
+        joints.append(Pin(coupler, (0.5, 0.0), k + 1, (0.5, 0.0)))
     centres = [(float(k), 0.5, np.pi / 2) for k in cranks] + [(k + 0.5, 1.0, 0.0) for k in range(loops)]
     rates = [(0.5, 0.0, -1.0) for _ in cranks] + [(1.0, 0.0, 0.0)] * loops
     inertia, moment = len(cranks) / 3 + loops, len(cranks) / 2 + loops
@@ -89,13 +91,13 @@ def equal_links(driven: bool) -> Passing:
     l, (m1, m2, m3), start, speed = 0.1, (0.3, 0.21, 0.14), 0.3, 10.0  # noqa: E741
     c, s = np.cos(start), np.sin(start)
     joints = (
-        RevoluteJoint(GROUND, (0.0, 0.0), 0, (-l / 2, 0.0)),
-        RevoluteJoint(0, (l / 2, 0.0), 1, (-l / 2, 0.0)),
-        RevoluteJoint(1, (l / 2, 0.0), 2, (0.0, 0.0)),
+        Pin(GROUND, (0.0, 0.0), 0, (-l / 2, 0.0)),
+        Pin(0, (l / 2, 0.0), 1, (-l / 2, 0.0)),
+        Pin(1, (l / 2, 0.0), 2, (0.0, 0.0)),
         *straight_guide(2, (0.0, 0.0), 0.0),
     )
     bodies = tuple(Body(m, m * l * l / 12) for m in (m1, m2, m3))
-    drivers = (PrescribedSpeed(0, speed),) if driven else ()
+    drivers = (PrescribedMotion(0, ConstantSpeed(speed)),) if driven else ()
     q = [l / 2 * c, l / 2 * s, start, 1.5 * l * c, l / 2 * s, -start, 2 * l * c, 0, 0]
     v = [-l / 2 * s, l / 2 * c, 1, -1.5 * l * s, l / 2 * c, -1, -2 * l * s, 0, 0]
 

@@ -20,8 +20,7 @@ def started_from(
     states = [dict(zip(keys, [*x, *v], strict=True)) for x, v in bodies]
     start: dict[str, object] = dict(zip(scene.mechanism.names, states, strict=True))
     own_speed = not scene.speed_is_prescribed or scene.drive.kind == "table"  # others' is the drive's
-    if scene.speed_is_prescribed or not scene.is_plain:  # tables of loads go by the clock too
-        start["time_s"] = scene.clock_s + time_s
+    start["time_s"] = scene.start.time_s + time_s
     if scene.is_short:
         start["crank_angle_rad"] = float(position[0, 2])
         if own_speed:

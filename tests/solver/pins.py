@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import lambertw
 
-from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, Point
+from reference_solver.mechanism.contacts import ClearanceJoint, ContactLaw, RigidWall
+from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Point
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice, solve
 

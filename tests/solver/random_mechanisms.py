@@ -10,17 +10,27 @@ from numpy.typing import NDArray
 
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.kernel import FUNCTIONS, Given, Kernel, Topology, place_of_h
-from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Constraint, Load, Mechanism
-from reference_solver.mechanism.motions import Course, Fluctuation, Ramp, Steady
-from reference_solver.mechanism.tables import PiecewiseCubic
+from reference_solver.mechanism.constraints import Constraint
+from reference_solver.mechanism.contacts import CLIPPED, CONTACT, ClearanceJoint, ContactLaw, RigidWall
+from reference_solver.mechanism.data import (
+    GROUND,
+    Body,
+    ConstantSpeed,
+    Course,
+    Fluctuation,
+    FrictionLaw,
+    Ramp,
+)
+from reference_solver.mechanism.loads import Load
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.motions import PiecewiseCubic
 from reference_solver.methods import RK4, dop853
-from reference_solver.run import CLIPPED, CONTACT, CONTACT_RECORD
+from reference_solver.run import CONTACT_RECORD
 
 FloatArray = NDArray[np.float64]
 CONSTRAINTS: tuple[type, ...] = get_args(Constraint)
 LOADS: tuple[type, ...] = get_args(Load)
-MOTIONS = (Steady(1.3), Ramp(0.4, -2.0, 0.9), Fluctuation(0.5, 1.1, 7.0, 0.3))
+MOTIONS = (ConstantSpeed(1.3), Ramp(0.4, -2.0, 0.9), Fluctuation(0.5, 1.1, 7.0, 0.3))
 #: Depths and speeds are of order one, so that contacts do not magnify rounding.
 LAWS: tuple[ContactLaw | RigidWall, ...] = (
     ContactLaw(30.0, 1.5, 0.6),
@@ -83,7 +93,11 @@ def part(kind: type, random: Generator, bodies: int, **given: Any) -> Any:
     i, j = random.permutation(np.arange(GROUND, bodies))[:2].tolist()
     body = int(random.integers(bodies))
     given |= {"body_i": i, "body_j": j, "body": body, "crank": body}
-    given |= {"radial_clearance_m": random.uniform(0.1, 0.3), "bearing_radius_m": random.uniform(0.4, 0.6)}
+    given |= {"name": "", "clearance": None, "bearing_on_j": False, "turns": bool(random.integers(2))}
+    given = {
+        "radial_clearance_m": random.uniform(0.1, 0.3),
+        "bearing_radius_m": random.uniform(0.4, 0.6),
+    } | given
 
     def value(of: Any) -> Any:
         if of.name in given:
@@ -120,7 +134,7 @@ def outcomes(recipe: Recipe) -> tuple[dict[str, FloatArray], dict[str, FloatArra
     for k, joint in enumerate(joints):
         if joint.rigid:
             contacts["phase"][k] = CONTACT if k in topology.following else 0.0
-        elif not joint.compliance.clipped and contacts["phase"][k] == CLIPPED:
+        elif not joint.law.clipped and contacts["phase"][k] == CLIPPED:
             contacts["phase"][k] = CONTACT
     phases = np.column_stack([contacts["phase"], contacts["memory"]])
     equations = Equations(topology.mechanism, q_start, topology.baumgarte, topology.following)

@@ -10,8 +10,9 @@ from scipy.special import ellipk
 from engine_models.mechanics.start import start_state
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import CLEARANCE_SCENES
-from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import GROUND, Body, Mechanism, RevoluteJoint
+from reference_solver.mechanism.contacts import ContactLaw, RigidWall
+from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Pin
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice, solve
 from studies.judges.horizon import moved
@@ -25,7 +26,7 @@ HERTZ, FACTOR = 1e10, 0.5
 DAMPED, ELASTIC = ContactLaw(HERTZ, 1.5, FACTOR), ContactLaw(HERTZ, 1.5)
 STILL = [0.0] * 3
 ARM, SPIN = 0.1, 30.0
-PENDULUM = Mechanism((Body(MASS, INERTIA),), (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, ARM)),), (), GRAVITY)
+PENDULUM = Mechanism((Body(MASS, INERTIA),), (Pin(GROUND, (0.0, 0.0), 0, (0.0, ARM)),), (), GRAVITY)
 #: Of four whole turns from its lowest point, by a complete elliptic integral.
 TURNS_S = 16 * float(ellipk(4 * MASS * GRAVITY * ARM / ((INERTIA + MASS * ARM**2) * SPIN**2))) / SPIN
 

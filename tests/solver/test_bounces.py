@@ -8,8 +8,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS, ContactLaw
-from reference_solver.mechanism.mechanism import Body, Mechanism, SpringDamper
+from reference_solver.mechanism.contacts import DAMPING_FACTORS, ContactLaw
+from reference_solver.mechanism.data import Body, Spring
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice
 from tests.helpers.kernels import straight_guide
@@ -143,7 +144,7 @@ def test_a_law_that_would_pull_is_clipped_on_a_line_of_its_own_or_pulls(may_pull
     mechanism = Mechanism(
         (Body(MASS, INERTIA), Body(carriage, 1.0)),
         straight_guide(1, (0.0, 0.0), np.pi / 2),
-        (SpringDamper(0, (0.0, 0.0), 1, (0.0, 0.0), spring, 0.0, free_length),),
+        (Spring(0, (0.0, 0.0), 1, (0.0, 0.0), spring, 0.0, free_length),),
         contacts=(bearing(law),),
     )
     start = [0.0, -CLEARANCE + 1e-9, 0.0, 0.0, -CLEARANCE + free_length - 1e-3, 0.0]

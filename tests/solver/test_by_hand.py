@@ -8,31 +8,26 @@ import pytest
 from engine_models import arms
 from engine_models.engine import RunSettings
 from engine_models.scene.format import Clearance
-from reference_solver.contact_forces import contact_force
 from reference_solver.equations import Baumgarte, Equations
-from reference_solver.mechanism.contact_laws import (
+from reference_solver.mechanism.contacts import (
+    CONTACT,
     DAMPING_FACTORS,
+    ClearanceJoint,
     ContactLaw,
-    FrictionLaw,
     ambrosio,
+    contact_force,
     stiffness_of,
 )
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    Body,
-    ClearanceJoint,
-    Mechanism,
-    RevoluteJoint,
-    Torque,
-)
+from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Pin
+from reference_solver.mechanism.loads import Torque
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, dop853, dopri5
-from reference_solver.run import CONTACT
 from reference_solver.tape import power
 
 #: Mass, inertia, distance of the pin from the centre of mass, and gravity.
 M, I, D, G = 2.0, 3.0, 0.5, 9.81  # noqa: E741  the letters of mechanics
-PENDULUM = Mechanism((Body(M, I),), (RevoluteJoint(GROUND, (0, 0), 0, (-D, 0)),), gravity_m_s2=G)
+PENDULUM = Mechanism((Body(M, I),), (Pin(GROUND, (0, 0), 0, (-D, 0)),), gravity_m_s2=G)
 #: Level, to the right of its pivot.
 LEVEL = np.array([D, 0.0, 0.0])
 
@@ -67,7 +62,7 @@ def test_a_projection_closes_the_joint_and_stops_what_would_open_it() -> None:
 
 def test_baumgartes_feedback_is_a_damped_oscillator_of_the_gap() -> None:
     """A joint at the centre of mass that is 0.01 m open and opens at 0.2 m/s."""
-    pinned = Mechanism((Body(M, I),), (RevoluteJoint(GROUND, (0, 0), 0, (0, 0)),))
+    pinned = Mechanism((Body(M, I),), (Pin(GROUND, (0, 0), 0, (0, 0)),))
     equations = Equations(pinned, np.zeros(3), Baumgarte(30.0, 50.0))
     acceleration, _ = equations.accelerations(0.0, np.array([0.01, 0, 0]), np.array([0.2, 0, 0]))
     np.testing.assert_allclose(acceleration, [-2 * 30.0 * 0.2 - 50.0**2 * 0.01, 0.0, 0.0])

@@ -22,8 +22,7 @@ from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankLoad
 from engine_models.scene.start import assembled
 from reference_solver.equations import Equations
-from reference_solver.mechanism.contact_laws import exponent_of, stiffness_of
-from reference_solver.run import CONTACT
+from reference_solver.mechanism.contacts import CONTACT, exponent_of, stiffness_of
 from reference_solver.tape import Node, Scalar, Tape, Value
 from tests.studies.truth.closed_forms.crank_slider import configuration, crank_acceleration
 

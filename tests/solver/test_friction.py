@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from reference_solver.failures import PainleveParadox
-from reference_solver.mechanism.contact_laws import FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import Body, ClearanceJoint, Mechanism
+from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall
+from reference_solver.mechanism.data import Body, FrictionLaw
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
 from tests.helpers.mechanism_energy import energy_residual_J
 from tests.helpers.orders import slope

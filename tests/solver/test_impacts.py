@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from reference_solver.equations import Equations
 from reference_solver.failures import BlockedImpact
 from reference_solver.impacts import complementary
-from reference_solver.mechanism.contact_laws import FrictionLaw, RigidWall
-from reference_solver.mechanism.mechanism import GROUND, Body, ClearanceJoint, Mechanism, RevoluteJoint
+from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall
+from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Pin
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.run import Impact
 from tests.helpers.kernels import straight_guide
 from tests.helpers.mechanism_energy import energy_residual_J, kinetic_energy_J, place
@@ -106,7 +107,7 @@ def chain(random: Generator) -> tuple[Mechanism, FloatArray, FloatArray, FloatAr
         random.uniform(-1, 1, 6),
         random.uniform(0, 6.28),
     )
-    hinge = RevoluteJoint(0, tuple(points[0]), 1, tuple(points[1]))
+    hinge = Pin(0, tuple(points[0]), 1, tuple(points[1]))
     q[3:5] += place(q[None], 0, hinge.point_i)[0] - place(q[None], 1, hinge.point_j)[0]
     n = np.array([np.cos(direction), np.sin(direction)])
     (pin,), radius = place(q[None], 1, tuple(points[2])), 0.05
@@ -177,7 +178,7 @@ def test_without_friction_the_loss_is_the_closed_form_of_the_mass_that_the_ideal
 
 def test_an_impact_against_driven_motion_is_refused() -> None:
     below = ClearanceJoint(GROUND, (0.0, CLEARANCE), 0, (0.0, 0.0), CLEARANCE, RADIUS, RigidWall(0.5))
-    pin = RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0))
+    pin = Pin(GROUND, (0.0, 0.0), 0, (0.0, 0.0))
     for held in ((pin,), straight_guide(0, (0.0, 0.0), 0.0)):
         with pytest.raises(BlockedImpact, match=r"t = 0 s"):
             hit(

@@ -11,7 +11,8 @@ from engine_models.scene.library import IDEAL_SCENES
 from reference_solver import kernel
 from reference_solver.equations import Equations
 from reference_solver.kernel import Program, Topology, program_of
-from reference_solver.mechanism.mechanism import Body, Mechanism
+from reference_solver.mechanism.data import Body
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.methods import RK4, Method, dop853
 from reference_solver.solver import solve
 from tests.helpers.chains import chain, chain_start

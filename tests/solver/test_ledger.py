@@ -17,17 +17,10 @@ from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from reference_solver import methods
 from reference_solver.equations import Equations
-from reference_solver.mechanism.contact_laws import ContactLaw
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    Body,
-    ClearanceJoint,
-    Mechanism,
-    RevoluteJoint,
-    SpringDamper,
-    Torque,
-)
-from reference_solver.run import CLIPPED, CONTACT
+from reference_solver.mechanism.contacts import CLIPPED, CONTACT, ClearanceJoint, ContactLaw
+from reference_solver.mechanism.data import GROUND, Body, Pin, Spring
+from reference_solver.mechanism.loads import Torque
+from reference_solver.mechanism.mechanism import Mechanism
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 from tests.engines.runs import errors
 from tests.helpers.kernels import CASES
@@ -143,7 +136,7 @@ def energy(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> Any:
     long_q, long_v = states
     (total,) = kinetic_J(mechanism, long_v) + potential_energy_J(mechanism, long_q)
     for joint in mechanism.contacts:
-        law, reach = joint.compliance, place(long_q, joint.body_j, joint.point_j) - np.array(joint.point_i)
+        law, reach = joint.law, place(long_q, joint.body_j, joint.point_j) - np.array(joint.point_i)
         depth = max(np.sqrt((reach**2).sum()) - joint.radial_clearance_m, np.longdouble(0))
         total += law.stiffness * depth ** (law.exponent + 1) / (law.exponent + 1)
     return total
@@ -168,9 +161,9 @@ def test_what_projections_remove_is_the_energy_before_less_that_after(case: str)
 @pytest.mark.parametrize("phase", [CONTACT, CLIPPED])
 def test_moving_springs_and_contacts_is_counted_with_their_elastic_energy(phase: float) -> None:
     """A loaded double pendulum, its pin deep in a wall, is moved onto its joints from 1e-6 m beside."""
-    joints = (RevoluteJoint(GROUND, (0.0, 0.0), 0, (-0.5, 0.0)), RevoluteJoint(0, (0.5, 0.0), 1, (-0.4, 0.1)))
+    joints = (Pin(GROUND, (0.0, 0.0), 0, (-0.5, 0.0)), Pin(0, (0.5, 0.0), 1, (-0.4, 0.1)))
     pin = ClearanceJoint(GROUND, (1.5, 0.2), 1, (0.3, -0.1), 0.1, 0.5, ContactLaw(1e3, 1.5, 0.5))
-    loads = Torque(1, 3.0), SpringDamper(GROUND, (0.5, 0.7), 1, (0.1, 0.2), 300.0, 2.0, 0.3)
+    loads = Torque(1, 3.0), Spring(GROUND, (0.5, 0.7), 1, (0.1, 0.2), 300.0, 2.0, 0.3)
     mechanism = Mechanism((Body(1.0, 0.1), Body(2.0, 0.3)), joints, loads, 9.81, (pin,))
     q, v = np.array([0.5, 0.0, 0.0, 1.4, -0.1, 0.0]), np.zeros(6)
     equations, random = Equations(mechanism, q), np.random.default_rng(5)

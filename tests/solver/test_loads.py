@@ -1,7 +1,6 @@
 """Loads along lines of moving bodies, loads by time and speed, and slides by a function of time."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -9,35 +8,26 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference_solver.energy import created_J, kinetic_J
+from reference_solver.energy import created_J, kinetic_J, swing_s
 from reference_solver.equations import Equations
 from reference_solver.failures import SingularConfiguration
-from reference_solver.guard import swing_s
-from reference_solver.mechanism.mechanism import (
-    GROUND,
+from reference_solver.mechanism.constraints import Constraint, PrescribedMotion, PrescribedSlide
+from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Pin, Spring
+from reference_solver.mechanism.loads import (
     AlongLine,
-    Body,
     ConstantForce,
-    Constraint,
     ForceByTime,
     GasForce,
     LineDamper,
     LineSpring,
     Load,
-    Mechanism,
-    PrescribedMotion,
-    PrescribedSlide,
-    PrescribedSpeed,
-    RevoluteJoint,
-    SameAngle,
-    SpringDamper,
     Torque,
     TorqueByTime,
     TurningDamper,
 )
-from reference_solver.mechanism.motions import Steady
+from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.motions import PiecewiseCubic
 from reference_solver.mechanism.scales import scales_of
-from reference_solver.mechanism.tables import PiecewiseCubic
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, solve
 from tests.helpers.kernels import straight_guide
@@ -116,7 +106,7 @@ def test_a_load_along_a_line_does_the_work_of_its_force_on_s(load: AlongLine) ->
         ForceByTime: cubic(NOW),
     }
     expected = forces[type(load)] * row
-    equations = Equations(Mechanism(BODIES, (), (load,)), Q)  # type: ignore[arg-type]
+    equations = Equations(Mechanism(BODIES, (), (load,)), Q)
     assert np.abs(equations.applied_force(NOW, Q, V) - expected).max() < 10 * DIFFERENCE
     if isinstance(load, ConstantForce | LineSpring):
         assert np.abs(equations.stored_force(Q) - expected).max() < 10 * DIFFERENCE
@@ -140,7 +130,7 @@ SETTINGS = pytest.mark.parametrize(
 
 def test_loads_between_free_bodies_keep_momentum_and_the_ledger_closes() -> None:
     loads = *ALONG[:4], ForceByTime(*ENDS, TABLE)
-    mechanism = Mechanism(BODIES, (), (*loads, SpringDamper(0, (0.1, 0.0), 1, (0.0, 0.2), 30.0, 4.0, 0.5)))
+    mechanism = Mechanism(BODIES, (), (*loads, Spring(0, (0.1, 0.0), 1, (0.0, 0.2), 30.0, 4.0, 0.5)))
     found = run(mechanism, Q, V, step=2e-3)
     masses = np.array([body.mass_kg for body in BODIES])
     inertias = np.array([body.inertia_kg_m2 for body in BODIES])
@@ -181,17 +171,19 @@ def test_a_force_by_time_is_exact_where_its_lines_are_since_steps_land_on_its_ki
 
 
 def test_a_dependence_is_told_by_the_names_of_the_joints_in_it() -> None:
-    pin, far = RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)), RevoluteJoint(0, (1.0, 0.0), 1, (0.0, 0.0))
-    twice = Mechanism(BODIES, (pin, far, SameAngle(0, 1), SameAngle(1, 0)))
-    pinned = Mechanism(BODIES, (pin, far, pin), names=("O", "A", "P"))
-    driven = Mechanism(BODIES, (pin, PrescribedSpeed(0, 1.0), PrescribedSpeed(0, 1.0)))
+    ends, far = (GROUND, (0.0, 0.0), 0, (0.0, 0.0)), Pin(0, (1.0, 0.0), 1, (0.0, 0.0), "A")
+    drive = PrescribedMotion(0, ConstantSpeed(1.0))
+
+    def pinned(one: str, other: str) -> Mechanism:
+        return Mechanism(BODIES, (Pin(*ends, one), far, Pin(*ends, other)))
+
+    driven = Mechanism(BODIES, (Pin(*ends), drive, drive))
     q, v = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.zeros(6)
     for mechanism, rank, rows, joints in (
-        (twice, 5, 6, ("SameAngle 2", "SameAngle 3")),
-        (replace(twice, names=("A", "B", "C", "C")), 5, 6, ("C",)),
-        (replace(twice, names=("A", "B", "C", "D")), 5, 6, ("C", "D")),
-        (pinned, 4, 6, ("O", "P")),
-        (driven, 3, 4, ("PrescribedSpeed 1", "PrescribedSpeed 2")),
+        (pinned("", ""), 4, 6, ("Pin 0", "Pin 2")),
+        (pinned("C", "C"), 4, 6, ("C",)),
+        (pinned("O", "P"), 4, 6, ("O", "P")),
+        (driven, 3, 4, ("drive",)),
     ):
         turning = v + (mechanism is driven) * np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
         with pytest.raises(SingularConfiguration) as refusal:
@@ -207,10 +199,10 @@ def test_scales_know_slides_by_their_length_and_loads_by_what_they_will_do() -> 
         return scales_of(mechanism, np.zeros(6), np.zeros(6), np.zeros(6), 1.0).rate_s
 
     line = (GROUND, (0.0, 0.0), 0, (0.5, 0.0), 0.0)
-    slide, turn = PrescribedSlide(*line, Steady(-3.0)), PrescribedMotion(0, Steady(2.0))
+    slide, turn = PrescribedSlide(*line, ConstantSpeed(-3.0)), PrescribedMotion(0, ConstantSpeed(2.0))
     assert rate(slide) == pytest.approx(3.0 / 0.5)
     assert rate(slide, turn) == pytest.approx(6.0)
-    assert rate(turn, RevoluteJoint(*line[:4])) == pytest.approx(2.0)
+    assert rate(turn, Pin(*line[:4])) == pytest.approx(2.0)
     assert rate(loads=(ForceByTime(*line, TABLE),)) == pytest.approx(np.sqrt(6.0 / 1.0 / 0.5))
     assert rate(loads=(ConstantForce(0, (0.0, 0.0), 1, (0.5, 0.0), 0.0, 6.0),)) == pytest.approx(
         np.sqrt(12.0)

@@ -11,21 +11,11 @@ from scipy.integrate import solve_ivp
 
 from reference_solver.equations import Equations
 from reference_solver.failures import InconsistentStart, NonFiniteState
-from reference_solver.mechanism.mechanism import (
-    GROUND,
-    Body,
-    MasslessLink,
-    Mechanism,
-    PrescribedMotion,
-    PrescribedSlide,
-    PrescribedSpeed,
-    RevoluteJoint,
-    SameAngle,
-    Slot,
-    SpringDamper,
-    Torque,
-)
-from reference_solver.mechanism.motions import Fluctuation
+from reference_solver.mechanism.constraints import PrescribedMotion, PrescribedSlide
+from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall
+from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Fluctuation, Guide, Pin, Spring
+from reference_solver.mechanism.loads import Torque
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
 from reference_solver.solver import solve
 from tests.helpers.chains import chain, chain_start
@@ -42,27 +32,25 @@ GRAVITY = 9.81
 
 def test_rows_of_constraints_are_the_derivatives_of_their_gaps() -> None:
     """By central differences with a step of 1e-6 of functions of order 1 to 10."""
-    h, at, motion = 1e-6, 0.37, Fluctuation(0.4, 1.3, 5.0, 0.2)
+    h, at, motion = 1e-6, 0.37, Fluctuation(0.4, 1.3, 5.0 / (2 * np.pi), 0.2)
     line = (0, (0.1, -0.2), 1, (0.3, 0.05), 0.7)
     constraints = (
-        RevoluteJoint(1, (0.2, 0.3), 2, (-0.4, 0.1)),
-        Slot(*line),
-        Slot(GROUND, (0.4, 0.1), 2, (-0.1, 0.2), -1.1),
-        Slot(2, (0.0, 0.3), GROUND, (0.5, -0.6), 2.0),
-        SameAngle(0, 2),
-        SameAngle(GROUND, 1),
-        SameAngle(2, GROUND),
-        PrescribedSpeed(0, 4.0),
+        Pin(1, (0.2, 0.3), 2, (-0.4, 0.1)),
+        Guide(*line),
+        Guide(GROUND, (0.4, 0.1), 2, (-0.1, 0.2), -1.1),
+        Guide(2, (0.0, 0.3), GROUND, (0.5, -0.6), 2.0),
+        PrescribedMotion(0, ConstantSpeed(4.0)),
         PrescribedMotion(1, motion),
         PrescribedSlide(*line, motion),
         PrescribedSlide(GROUND, (0.4, 0.1), 1, (0.3, 0.05), -1.1, motion),
         PrescribedSlide(1, (0.2, 0.1), GROUND, (1.0, 0.3), 0.2, motion),
-        MasslessLink(0, (0.05, -0.1), 1, (-0.3, 0.02), 0.5),
-        MasslessLink(GROUND, (0.5, 0.7), 2, (0.1, 0.0), 0.3),
+        ClearanceJoint(0, (0.05, -0.1), 1, (-0.3, 0.02), 0.5, 1.0, RigidWall(0.0)),
+        ClearanceJoint(GROUND, (0.5, 0.7), 2, (0.1, 0.0), 0.3, 1.0, RigidWall(0.0)),
     )
     q, v, start = np.linspace(-1.0, 1.4, 9), np.linspace(2.0, -1.5, 9), np.linspace(0.3, -0.2, 9)
     equations = Equations(Mechanism((Body(1.0, 1.0),) * 3, constraints), start)
-    assert not equations.violation(0.0, start)[5:13].any(), "angles and ways count from the start"
+    of_angles_and_ways = [3, 5, *range(7, 13)]
+    assert not equations.violation(0.0, start)[of_angles_and_ways].any(), "these count from the start"
     B, turned = equations.constraint_matrix(q), 0.4 * at + 1.3 / 5.0 * (np.cos(0.2) - np.cos(5.0 * at + 0.2))
     moved = equations.violation(at, q) - equations.violation(0.0, q)
     assert moved[8:] == pytest.approx([-4.0 * at, *[-turned] * 4, 0.0, 0.0])
@@ -88,7 +76,7 @@ TIMES = np.linspace(0.0, 1.0, 11)
 def oscillator(damping: float) -> Mechanism:
     """A block of 2 kg on a guide at 30 degrees, held by a spring of 200 N/m and free length 0.4 m."""
     guide, end = straight_guide(0, (0.0, 0.0), np.pi / 6), (float(ALONG[0]), float(ALONG[1]))
-    spring = SpringDamper(GROUND, end, 0, (0.0, 0.0), 200.0, damping, 0.4)
+    spring = Spring(GROUND, end, 0, (0.0, 0.0), 200.0, damping, 0.4)
     return Mechanism((Body(2.0, 1.0),), guide, (spring,))
 
 
@@ -101,7 +89,8 @@ def off_the_swing(run: Solution) -> list[float]:
 
 def hung(length: float, angle: float, rate: float) -> tuple[Mechanism, FloatArray, FloatArray]:
     """Return a body on a link without mass from the ground to its centre of mass, which spins on its own."""
-    mechanism = Mechanism((Body(2.0, 0.1),), (MasslessLink(GROUND, (0, 0), 0, (0, 0), length),), (), GRAVITY)
+    link = ClearanceJoint(GROUND, (0, 0), 0, (0, 0), length, 1.0, RigidWall(0.0))
+    mechanism = Mechanism((Body(2.0, 0.1),), (link,), (), GRAVITY)
     cos, sin = length * np.cos(angle), length * np.sin(angle)
     return mechanism, np.array([sin, -cos, 0.4]), np.array([cos * rate, sin * rate, 3.0])
 
@@ -143,9 +132,7 @@ ANGLES, RATES = np.array([-0.3, -1.2, 0.4]), np.array([1.0, -2.0, 3.0])
 
 
 def test_a_torque_on_a_pinned_wheel_gives_the_textbook_angle_exactly() -> None:
-    wheel = Mechanism(
-        (Body(1.0, 0.5),), (RevoluteJoint(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),), (Torque(0, 2.0),)
-    )
+    wheel = Mechanism((Body(1.0, 0.5),), (Pin(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),), (Torque(0, 2.0),))
     run = solve(wheel, np.zeros(3), np.zeros(3), end_time_s=1.0, samples=1, step=1 / 8)
     # RK4 integrates a quadratic exactly: only round-off is left.
     assert run.q[-1, 2] == pytest.approx(2.0, abs=1e-14)
@@ -168,7 +155,7 @@ def test_an_unstable_step_ends_in_an_error_that_says_when() -> None:
 def test_an_overflow_is_found_in_its_step_where_each_constraint_has_a_coordinate_of_its_own(
     stabilisation: Literal["none", "projection"],
 ) -> None:
-    far_too_stiff = SpringDamper(GROUND, (1.0, 0.3), 2, (0.1, 0.0), 1e12, 0.0, 0.1)
+    far_too_stiff = Spring(GROUND, (1.0, 0.3), 2, (0.1, 0.0), 1e12, 0.0, 0.1)
     swing, start = replace(chain(3), loads=(far_too_stiff,)), chain_start(ANGLES, RATES)
     with pytest.raises(NonFiniteState, match=r"t = 0\.00[1-9] s"):
         solve(swing, *start, end_time_s=1.0, samples=1, step=1e-3, stabilisation=stabilisation)

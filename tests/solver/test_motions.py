@@ -8,13 +8,12 @@ from scipy.interpolate import CubicSpline
 from engine_models.engine import Engine, RunSettings, SimulationFailed
 from engine_models.engines import make_engine
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.format import CrankGas, Drive, FluctuatingDrive, FreeDrive, RampDrive
+from engine_models.scene.format import Drive, FluctuatingDrive, FreeDrive, RampDrive
 from engine_models.scene.library import ideal_compressor, ideal_driven
 from engine_models.scene.scene import Scene
-from engine_models.scene.short import CrankLoad
-from reference_solver.mechanism.building import pieces_of
-from reference_solver.mechanism.motions import MOTIONS, Course, Fluctuation, Ramp, Steady
-from reference_solver.mechanism.tables import PiecewiseCubic
+from engine_models.scene.short import CrankGas, CrankLoad
+from reference_solver.mechanism.data import ConstantSpeed, Course, Fluctuation, Motion, Ramp
+from reference_solver.mechanism.motions import PiecewiseCubic, moved, pieces_of
 from tests.engines.runs import errors
 from tests.helpers.orders import slope
 from tests.studies.truth.closed_forms.crank_slider import exact
@@ -25,7 +24,7 @@ SAMPLES = 40
 def scene(speed: float, drive: Drive, end_time_s: float, gas: CrankGas | None = None) -> Scene:
     """Return set R without clearance, begun at a speed, with another drive and a load by gas."""
     start = ideal_driven().short.start.model_copy(update={"crank_speed_rad_s": speed})
-    new = {"start": start, "load": {"slider": gas and CrankLoad(gas=gas)}, "end_time_s": end_time_s}
+    new = {"start": start, "load": {"slider": CrankLoad(gas=gas)} if gas else {}, "end_time_s": end_time_s}
     return ideal_driven().model_copy(update={**new, "drive": drive})
 
 
@@ -46,7 +45,7 @@ def test_every_number_converges_at_order_four_where_a_force_comes_at_once_and_go
 
 
 def test_error_control_takes_a_slow_crank_under_gas_in_few_steps() -> None:
-    gas = ideal_compressor().short.load.slider.gas  # type: ignore[union-attr]
+    gas = ideal_compressor().short.load["slider"].gas
     of = scene(0.01, ideal_driven().drive, 400 * np.pi, gas)  # two turns of a hand crank
     sharp = ReferenceEngine(method="dop853", step_tolerance=1e-9)
     steps = sharp.simulate(of, RunSettings(of.end_time_s, SAMPLES)).steps
@@ -69,14 +68,14 @@ def test_motions_are_integral_and_derivative_of_their_speeds() -> None:
     rows = (0.0, 0.0, 2.0, 0.5, -1.0, 0.7, 0.7 * (2.0 + 0.7 * (0.5 - 0.7)), 1.0, -1.0, 2.0)
     ramps = Ramp(3.0, -5.0, 0.4), Ramp(0.0, 5.0, 0.4, -0.1)
     nodes, weights = leggauss(12)
-    for motion in (Steady(3.0), *ramps, Fluctuation(3.0, 2.0, 7.0, 0.4), Course(PiecewiseCubic(rows))):
-        turn = MOTIONS[type(motion)]
+    others: tuple[Motion, ...] = (Fluctuation(3.0, 2.0, 7.0, 0.4), Course(PiecewiseCubic(rows)))
+    for motion in (ConstantSpeed(3.0), *ramps, *others):
         for begin, end in ((0.0, 0.2), (0.25, 0.29), (0.5, 0.65)):
             half = (end - begin) / 2
-            within = np.array([turn(motion, begin + half * (1 + node)) for node in nodes])
-            gained = np.subtract(turn(motion, end), turn(motion, begin))[:2]
+            within = np.array([moved(motion, begin + half * (1 + node)) for node in nodes])
+            gained = np.subtract(moved(motion, end), moved(motion, begin))[:2]
             assert gained == pytest.approx(half * (weights @ within[:, 1:]), rel=1e-12, abs=1e-13)
-        assert turn(motion, 0.0)[0] == 0
+        assert moved(motion, 0.0)[0] == 0
 
 
 # Drives whose speed changes within a step

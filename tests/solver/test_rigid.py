@@ -12,7 +12,8 @@ from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import RIGID_SCENES
 from engine_models.scene.scene import Scene
 from reference_solver.failures import InconsistentStart
-from reference_solver.mechanism.contact_laws import ContactLaw, FrictionLaw, RigidWall
+from reference_solver.mechanism.contacts import ContactLaw, RigidWall
+from reference_solver.mechanism.data import FrictionLaw
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.run import LOG_ROWS
 from reference_solver.solution import Solution

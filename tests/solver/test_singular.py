@@ -11,12 +11,11 @@ from scipy.optimize import brentq
 from engine_models.mechanics.start import start_state
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
-from reference_solver import guard
-from reference_solver.energy import ledger_J
+from reference_solver import energy as guard
+from reference_solver.energy import Guard, ledger_J
 from reference_solver.factorisation import Factors
 from reference_solver.failures import EnergyNotConserved, SingularConfiguration
-from reference_solver.guard import Guard
-from reference_solver.mechanism.mechanism import Body
+from reference_solver.mechanism.data import Body
 from reference_solver.mechanism.scales import Scales
 from reference_solver.solver import StepChoice, solve
 from tests.helpers.kernels import CASES, VARIANTS

@@ -11,8 +11,8 @@ from engine_models.minimal.forces import Forces
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
+from reference_solver.mechanism.contacts import CONTACT, FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.run import CONTACT, FLIGHT
 from tests.engines.runs import run
 from tests.scenes import scene
 
@@ -29,7 +29,7 @@ def phases_of(of: Mechanism, run: Trajectory, sample: int) -> FloatArray:
         touches = contact.impacts
         before = touches.time_s <= run.time_s[sample]
         if contact.normal_force_N[sample]:
-            factor = joint.compliance.damping_factor
+            factor = joint.law.damping_factor
             phases[k] = CONTACT, factor and factor / touches.approach_speed_m_s[before][-1]
     return phases
 

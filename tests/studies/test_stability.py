@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from engine_models.scene.library import SCENES
-from reference_solver.mechanism.contact_laws import stiffness_of
+from reference_solver.mechanism.contacts import stiffness_of
 from studies import stability
 from studies.case import Case
 from studies.stability import ERROR, GAIN, LOSS, VIOLATION, first_impact

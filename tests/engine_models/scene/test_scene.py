@@ -28,8 +28,7 @@ def test_the_compressors_gas_is_that_of_a_polytrope_between_suction_and_discharg
 
     At 20 degrees 12.24 mm: 6 bar (8/12.24)^1.3 = 3.452 bar; at 270, 68.91 mm: (108/68.91)^1.3 = 1.793 bar.
     """
-    load = SCENES["ideal-compressor"]().short.load.slider
-    assert load is not None
+    load = SCENES["ideal-compressor"]().short.load["slider"]
     assert load.gas is not None
     force = load.gas.force_N
     assert (force[0], force[2], force[18], force[27], force[-1]) == (-353, -173, 0, -56, -353)

@@ -7,10 +7,10 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
-from engine_models.scene.format import CrankGas, Drive, FluctuatingDrive, MotorDrive, RampDrive, TableDrive
+from engine_models.scene.format import Drive, FluctuatingDrive, MotorDrive, RampDrive, TableDrive
 from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
-from engine_models.scene.short import CrankLoad
+from engine_models.scene.short import CrankGas, CrankLoad
 from studies.extremes import gallery
 from studies.judges.converged_truth import INDEPENDENT, converged, followed, truth_by
 from studies.judges.metrics import (

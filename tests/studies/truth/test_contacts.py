@@ -11,7 +11,7 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.minimal.model import damping_of
 from engine_models.scene.file import from_toml
-from reference_solver.mechanism.contact_laws import DAMPING_FACTORS
+from reference_solver.mechanism.contacts import DAMPING_FACTORS
 from studies.judges.converged_truth import CONFIRMING, REFERENCE, TRUE, truth_by
 from studies.judges.metrics import constraint_violation_m
 from tests.engines.runs import errors, numbers, true_solution

@@ -118,7 +118,7 @@ def drive_torque(scene: Scene) -> Callable[[Any], Any]:
 
 def load_parts(scene: Scene) -> dict[str, Force]:
     """Return the parts of the slider's load by their names."""
-    load, parts = scene.short.load.slider, dict[str, Force]()
+    load, parts = scene.short.load.get("slider"), dict[str, Force]()
     if load is None:
         return parts
     push, damping, stiffness, free = load.force_N, load.viscous_N_s_m, load.spring_N_m, load.free_position_m
@@ -144,9 +144,10 @@ def _gas_knots_rad(scene: Scene, theta: float) -> tuple[float, float]:
 
     A knot nearer than ``AT_KNOT_RAD`` is passed over: the angle stands on it.
     """
-    if scene.short.load.slider is None or scene.short.load.slider.gas is None:
+    load = scene.short.load.get("slider")
+    if load is None or load.gas is None:
         return -np.inf, np.inf
-    first, *others = scene.short.load.slider.gas.crank_angle_rad
+    first, *others = load.gas.crank_angle_rad
     turn = np.array([0.0, *(knot - first for knot in others[:-1])])
     knots = (
         first + (np.floor((theta - first) / TURN) * TURN + np.arange(-1, 2)[:, None] * TURN + turn).ravel()
@@ -161,7 +162,7 @@ Prescribed = Callable[[Any], tuple[Any, Any, Any]]
 
 def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
     """Return the motion that a drive prescribes, and the times at which a higher derivative of it jumps."""
-    drive, first, begin = scene.drive, scene.short.start.crank_speed_rad_s, scene.start.time_s or 0.0
+    drive, first, begin = scene.drive, scene.short.start.crank_speed_rad_s, scene.start.time_s
     if drive.kind == "ramp":
         T, change, x_0 = (
             drive.ramp_time_s,
