@@ -86,14 +86,11 @@ def test_letters_on_a_figure_are_legible_on_a_phone(page: Page) -> None:
             assert smallest * box["width"] / float(wide) >= 8, f"pixels, {svg.name}"
 
 
-def test_dark_is_dark_and_figures_stay_on_paper(page: Page) -> None:
+def test_dark_is_dark_and_figures_stay_on_paper_which_print_shows(page: Page) -> None:
     page.emulate_media(color_scheme="dark")
     colour = "getComputedStyle(document.querySelector('{}')).backgroundColor"
     assert page.evaluate(colour.format("body")) == "rgb(21, 24, 27)"
     assert page.evaluate(colour.format(".drawing img")) == "rgb(255, 255, 255)"
-
-
-def test_print_shows_each_figure_and_not_the_contents(page: Page) -> None:
     page.emulate_media(media="print")
     assert all(figure.locator("img").is_visible() for figure in page.locator("figure.drawing").all())
     assert not page.locator("nav").is_visible()

@@ -13,7 +13,6 @@ from reports.equal_error import (
     is_resolved,
     judged,
     kept,
-    mark,
     ratio,
     reaching,
     settings,
@@ -146,13 +145,6 @@ def test_settings_go_by_what_is_varied_with_failed_ones_left_out() -> None:
     found = judge(*rows)
     assert list(found["setting"]) == ["step_tolerance 1e-06", "step_tolerance 1e-10", "step 0.1 s"]
     assert list(found["scene"]) == ["s", "s", "t"]
-
-
-def test_a_time_without_forces_is_marked_where_forces_are_judged_and_nowhere_else() -> None:
-    alone = judge(recorded(1.0, motion_alone=True)).iloc[0]
-    columns = (SLIDER, FORCE, "driver_torque_error_N_m")
-    assert [mark(alone, column) for column in columns] == ["", "*", "*"]
-    assert [mark(ran(1.0), column) for column in columns] == ["", "", ""]
 
 
 def test_the_candidate_of_an_engine_is_the_setting_that_reaches_the_error_on_most_scenes() -> None:

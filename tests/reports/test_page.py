@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from reports.contents import CHAPTERS
-from reports.look import axis_label, quantity
+from reports.look import quantity
 from reports.page import (
     FINDINGS,
     HALF_WIDTH,
@@ -218,18 +218,6 @@ NUMBERS = [
 def test_a_number_in_a_sentence_has_two_digits_and_a_prefix(value: float, unit: str, text: str) -> None:
     assert quantity(value, unit) == text
     assert str(Claim("x", "It is {number}.", {"number": (value, unit)})) == f"It is {text}."
-
-
-LABELS = {
-    "driver_torque_error_N_m": "driver torque error [N·m]",
-    "peak_force_error_percent": "peak force error [%]",
-    "impact_force_in_phase_error_N": "impact force at equal phase error [N]",
-    "rocker_angular_acceleration_rad_s2": "rocker angular acceleration [rad/s²]",
-}
-
-
-def test_labels_derive_from_column_names() -> None:
-    assert {column: axis_label(column) for column in LABELS} == LABELS
 
 
 def test_a_frame_has_numbers_or_nan_and_settings_as_they_were_written() -> None:
