@@ -39,12 +39,12 @@ def written(of: Mapping[tuple[str, str], Any] = CONFIGURATIONS, scene: str = SCE
     for (engine, arm), times_s in of.items():
         for k, (error_m, time_s) in enumerate(zip(ERRORS_M, times_s, strict=True)):
             head: Any = (scene, engine, arm, 0.1 / 2**k)
-            columns = {"slider_position_error_m": error_m, "slider_position_uncertainty_m": 1e-14}
+            columns: Any = {"slider_position_error_m": error_m, "slider_position_uncertainty_m": 1e-14}
             columns |= {"joint_A_force_error_N": 1e4 * error_m, "joint_B_force_error_N": 2e4 * error_m}
             columns |= {"joint_B_force_uncertainty_N": 1e-9, "end_time_s": 0.5, **more}
             ran.append(row(len(ran), *head, steps=100 * 2**k, **columns))
             for n, part in enumerate(ROUNDS):
-                solve = {"round": n, "solve_time_s": part * time_s, "end_time_s": 0.5}
+                solve: Any = {"round": n, "solve_time_s": part * time_s, "end_time_s": 0.5}
                 timed.append(row(len(timed), *head, timed=True, **solve))
     return {"accuracy": Results(frame(ran)), "cost": Results(frame(timed))}
 
