@@ -49,8 +49,8 @@ class ExudynEngine(Engine):
     DOPRI5 chooses its steps, up to the run's, for a local error of ``step_tolerance`` in m, rad, m/s and
     rad/s; the others take the run's step. With larger tolerances than are allowed runs have overflowed, and
     Exudyn then went on for ever. ``step_safety`` is the part that it takes of the step that the error
-    estimate allows: at Exudyn's own 0.9 steps overflow here and there, at 0.8 they have not. In contact,
-    steps end on touch and release and grow again.
+    estimate allows: at Exudyn's own 0.9 a step overflows here and there, at 0.8 too where the tolerance is
+    1e-6 (docs/engines/exudyn.md). In contact, steps end on touch and release and grow again.
 
     ``spectral_radius`` (at infinite frequency) matters to the generalized-alpha method alone: 1 would keep
     the spurious oscillation of its multipliers for ever, 0.5 forgets it within some ten steps.
