@@ -112,7 +112,7 @@ def driver_of(of: MechanismData) -> Driver | None:
     motion = going_on(law, of.drive.clock_s)
     if guide is None:
         return PrescribedMotion(of.drive.body, motion)
-    return PrescribedSlide(*_line(of.guides[guide]), motion)
+    return PrescribedSlide(*along(of.guides[guide]), motion)
 
 
 def loads_of(of: MechanismData) -> dict[str, Load]:
@@ -140,7 +140,7 @@ def _torque(drive: DriveData) -> Iterator[tuple[str, Load]]:
 def _parts(load: data.Load, clock_s: float) -> Iterator[tuple[str, Load]]:
     """Yield the parts of a load by their names."""
     if load.line is not None:
-        line = _line(load.line)
+        line = along(load.line)
         if load.force_N:
             yield "force", ConstantForce(*line, load.force_N)
         if load.viscous_N_s_m:
@@ -160,7 +160,8 @@ def _parts(load: data.Load, clock_s: float) -> Iterator[tuple[str, Load]]:
         yield "torque_by_time", TorqueByTime(load.body, _by_time(load.torque_by_time, clock_s))
 
 
-def _line(line: data.Line) -> tuple[int, data.Point, int, data.Point, float]:
+def along(line: data.Line) -> tuple[int, data.Point, int, data.Point, float]:
+    """Return the fields of a line, of which drivers and loads along it are made."""
     return line.body_i, line.point_i, line.body_j, line.point_j, line.angle_rad
 
 
