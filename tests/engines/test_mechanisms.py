@@ -186,39 +186,28 @@ def test_a_leg_too_many_runs_where_it_has_clearance() -> None:
     assert np.abs(energy_balance_residual_J(of, run)).max() < 1e-9 * energy_in_play_J(of, run)
 
 
+def cosines(a: float, b: float, opposite: float) -> float:
+    """Return the angle between two sides of a triangle, from its three."""
+    return math.acos((a * a + b * b - opposite * opposite) / (2 * a * b))
+
+
 @pytest.mark.parametrize(
-    ("text", "expected"),
+    ("text", "dead_centres", "transmission"),
     [
+        # Crank and rod in line; the rod farthest from the guide's direction.
         (
-            OFFSET_CRANK_SLIDER,  # crank and rod in line; the rod farthest from the guide's direction
-            {
-                "dead centre of guide": [
-                    np.degrees(0.3 + np.arcsin(0.02 / 0.17)),
-                    np.degrees(0.3 + np.pi + np.arcsin(0.02 / 0.07)),
-                ],
-                "least transmission angle": [np.degrees(np.arccos(0.07 / 0.12))],
-            },
+            OFFSET_CRANK_SLIDER,
+            (0.3 + math.asin(0.02 / 0.17), 0.3 + math.pi + math.asin(0.02 / 0.07)),
+            math.acos(0.07 / 0.12),
         ),
-        (
-            FOUR_BAR,  # by the law of cosines
-            {
-                "dead centre of rocker": [
-                    np.degrees(np.arccos((0.35**2 + 0.28**2 - 0.2**2) / (2 * 0.35 * 0.28))),
-                    np.degrees(np.pi + np.arccos((0.15**2 + 0.28**2 - 0.2**2) / (2 * 0.15 * 0.28))),
-                ],
-                "least transmission angle": [
-                    np.degrees(np.arccos((0.25**2 + 0.2**2 - 0.18**2) / (2 * 0.25 * 0.2)))
-                ],
-            },
-        ),
+        (FOUR_BAR, (cosines(0.35, 0.28, 0.2), math.pi + cosines(0.15, 0.28, 0.2)), cosines(0.25, 0.2, 0.18)),
     ],
 )
 def test_dead_centres_and_transmission_angles_are_those_of_geometry(
-    text: str, expected: dict[str, list[float]]
+    text: str, dead_centres: tuple[float, float], transmission: float
 ) -> None:
     """Angles are told to 0.1 deg, and the least one is of 200 samples of a turn or more."""
-    lines = inspect(scene(text))
-    for name, angles_deg in expected.items():
-        (line,) = [each for each in lines if each.startswith(name)]
+    for name, angles in (("dead centre", dead_centres), ("least transmission", (transmission,))):
+        (line,) = [each for each in inspect(scene(text)) if each.startswith(name)]
         told = [float(each) for each in re.findall(r"[\d.]+(?=, |(?: deg))", line.partition(": ")[2])]
-        assert told == pytest.approx(angles_deg, abs=0.1), line
+        assert told == pytest.approx(np.degrees(angles), abs=0.1), line

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from engine_models.engine import ImpossibleStart, RunSettings
-from engine_models.engines import make_engine
+from engine_models.engines import ENGINES, make_engine
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from tests.helpers.engines import supporting
 
 PENDULUM = SCENES["clearance-pendulum"]()
 CLEARANCE_M = PENDULUM.clearances["O"].radial_clearance_m
@@ -51,7 +50,7 @@ TURNS, TOLERANCE_RAD = 100_000, 2e-10
 DRIVEN: Scene = SCENES["ideal-driven"]().replace("end_time_s", 2e-3)
 
 
-@pytest.mark.parametrize("engine", supporting(DRIVEN))
+@pytest.mark.parametrize("engine", ENGINES)
 def test_whole_turns_of_the_crank_change_only_its_angle(engine: str) -> None:
     turned = DRIVEN.short.start.crank_angle_rad + TURNS * 2 * np.pi
     plain, wound = (

@@ -71,26 +71,16 @@ def test_a_round_is_timed_by_its_least_repeat_and_again_if_it_is_slower_than_one
     assert (first["solve_time_s"], second) == (1.01, {"repeats": 0})
 
 
-@pytest.mark.parametrize(
-    ("scene", "off_m", "holds"),
-    [
-        # A clearance of 0.5 mm and a crank of 50 mm: a hundredth of that.
-        ("clearance-free-0.5mm", 4.9e-4, True),
-        ("clearance-free-0.5mm", 5.1e-4, False),
-        ("ideal-free", 4.9e-4, True),
-        ("ideal-free", 5.1e-4, False),
-        ("ideal-free", np.nan, False),
-        ("ideal-free", np.inf, False),
-    ],
-)
+@pytest.mark.parametrize("off_m", [4.9e-4, 5.1e-4, np.nan])
+@pytest.mark.parametrize("scene", ["clearance-free-0.5mm", "ideal-free"])
 def test_a_timed_run_that_ends_elsewhere_has_failed_and_says_when(
-    scene: str, off_m: float, holds: bool, monkeypatch: pytest.MonkeyPatch
+    scene: str, off_m: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One of three bodies is off, in one direction, in the second repeat of three only."""
+    """A clearance of 0.5 mm, or a hundredth of a crank of 50 mm, in one direction, in the second of three."""
     install(monkeypatch, Timed(repeat(1.0), off_m), 3)
     timed = next(c for c in cost.cases(False) if c.timed and c.scene.name == scene)
     row, _ = run_case(timed)
-    if holds:
+    if off_m < 5e-4:
         assert (row["status"], row["repeats"]) == ("ok", 3)
         assert row["end_apart_m"] == pytest.approx(off_m)
     else:

@@ -157,14 +157,13 @@ def test_numbers_may_be_text_with_a_unit_in_lists_and_mappings_too() -> None:
 # Tables in files
 
 BED = [("speed_rad_s = { crank = 12.0 }\n", ""), ('hold = ["crank"]\n', 'hold = ["bed"]\n')]
-BY_TIME = "by_time.time_s = [0, 1, 2, 3]\nby_time.force_N = [1, 2, 3, 4]"
+BY_TIME = "by_time.time_s = [0, 1, 2, 3]\nby_time.force_N = [1, 2, 3, 4]\nby_time.torque_N_m = [4, 3, 2, 1]"
 
 
 @pytest.mark.parametrize(
     ("text", "old", "kind", "lists"),
     [
         (FOUR_BAR, FREE, 'kind = "torque"', "time_s = [0, 0.1, 0.3, 0.5]\ntorque_N_m = [1, 2, 3, 4]"),
-        (FOUR_BAR, FREE, 'kind = "motor"', "speed_rad_s = [0, 1, 3, 5]\ntorque_N_m = [4, 3, 2, 1]"),
         (FOUR_BAR, FREE, 'kind = "table"', "time_s = [0, 0.1, 0.2, 0.5]\nangle_rad = [0, 2, 4, 10]"),
         (
             changed(QUICK_RETURN, *BED),
@@ -179,9 +178,8 @@ BY_TIME = "by_time.time_s = [0, 1, 2, 3]\nby_time.force_N = [1, 2, 3, 4]"
             "angle_rad = [0, 2, 4, 6.283185307]\nforce_N = [-2, -10, -50, -2]",
         ),
         (QUICK_RETURN, "force_N = -40.0", "", BY_TIME),
-        (QUICK_RETURN, "force_N = -40.0", "", BY_TIME + "\nby_time.torque_N_m = [4, 3, 2, 1]"),
     ],
-    ids=["torque", "motor", "angles", "positions", "gas", "force by time", "force and torque by time"],
+    ids=["torque", "angles", "positions", "gas", "force and torque by time"],
 )
 def test_every_table_may_be_a_file(text: str, old: str, kind: str, lists: str, tmp_path: Path) -> None:
     columns = dict(line.split(" = ") for line in lists.splitlines())
