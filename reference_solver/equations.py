@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.factorisation import Factors
-from reference_solver.failures import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
+from reference_solver.failures import (
+    FrictionTooStiff,
+    NonFiniteState,
+    PainleveParadox,
+    SingularConfiguration,
+    TooLight,
+    light,
+)
 from reference_solver.mechanism.constraints import System, row_slices, system_of
 from reference_solver.mechanism.contacts import (
     FLIGHT,
@@ -309,7 +316,7 @@ class Equations:
         """Say why [B] has not full row rank.
 
         Raises:
-            SingularConfiguration: with its rank.
+            SingularConfiguration: with its rank; TooLight: it has, but for a light body.
             NonFiniteState: it has overflowed.
         """
         scaled = self.constraint_matrix(q) * np.sqrt(self.inverse_mass)
@@ -321,6 +328,8 @@ class Equations:
         values = np.append(values, np.zeros(len(left) - len(values)))
         tolerance = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
         depend = left[:, values <= max(tolerance, values[-1])]
+        if (reason := light(self.mechanism.bodies)) is not None:
+            raise TooLight(reason)
         names = self._names_of((depend**2).sum(axis=1) > INVOLVED)
         raise SingularConfiguration(int((values > tolerance).sum()), len(scaled), t, names)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reference_solver.failures import listed
+from reference_solver.failures import light, listed
 from reference_solver.mechanism.constraints import (
     Constraint,
     PrescribedMotion,
@@ -167,7 +167,7 @@ def assemble(of: MechanismData, told: Told) -> Assembled:
     q = _closed(joints, rough, told)
     rank, own = joints.rank(q), Joints(replace(of, pins=of.ideal)).rank(q)
     if own.rank < own.rows:  # of joints with clearance rows are only taken for the start
-        raise NotAssembled(dependence(own))
+        raise NotAssembled(light(of.bodies) or dependence(own))
     v = _moving(joints, q, told, rank)
     drive = of.drive
     row = np.eye(joints.n)[3 * drive.body + 2] if drive.guide is None else joints.way_rows(q)[drive.guide]
@@ -252,7 +252,7 @@ def _moving(joints: Joints, q: FloatArray, told: Told, rank: Rank) -> FloatArray
         worst = int(off[len(B) :].argmax())
         unit = "rad/s" if worst < len(bodies) else "m/s"
         came = f"that of {names[worst]} off by {off[len(B) + worst]:.3g} {unit}"
-        raise NotAssembled(f"expected speeds that the joints allow, got {came}")
+        raise NotAssembled(light(joints.data.bodies) or f"expected speeds that the joints allow, got {came}")
     return v
 
 
