@@ -21,18 +21,7 @@ if TYPE_CHECKING:
     from engine_models.scene.scene import Scene
     from studies.failures import BadInput, Failed
 
-__all__ = [
-    "BadInput",
-    "Failed",
-    "Run",
-    "Scene",
-    "compare",
-    "load",
-    "scenes",
-    "simulate",
-    "sweep",
-    "truth",
-]
+__all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate", "sweep", "truth"]
 
 for _name in ("reference_solver", "engine_models", "studies", "reports"):
     _spec = find_spec(_name)

@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 import pandas as pd
 
-from crankslider.run import TrueRun
+from crankslider.run import Run
 from engine_models.convergence.doubts import doubts_of_tables
 from engine_models.engine import Engine, Impacts, SimulationFailed, UnsupportedScene
 from engine_models.mechanics.samples import selected
@@ -30,12 +30,8 @@ from studies.settings import END_S
 SAMPLES, DIGITS = 120, "%.14g"
 
 
-def reference_solution(scene: Scene, samples: int) -> TrueRun:
-    """Return the reference solution of a scene.
-
-    Raises:
-        Failed: no solution was found, or two solutions diverge before the first sample.
-    """
+def reference_solution(scene: Scene, samples: int) -> Run:
+    """Return the reference solution of a scene; raise Failed if none is found."""
     try:
         true, repeats = converged(scene, samples)
         count = followed(scene, samples)
@@ -54,11 +50,13 @@ def reference_solution(scene: Scene, samples: int) -> TrueRun:
     if count <= samples:
         warnings.append(f"two solutions diverge after t = {end_s:.6g} s; samples end there")
     known = selected(true, slice(count))
-    ended = {
-        joint: replace(contact, impacts=_until(contacts[joint].impacts, float(end_s)))
-        for joint, contact in known.contacts.items()
-    }
-    return TrueRun(
+    ended = {}
+    for joint, contact in known.contacts.items():
+        every = contacts[joint].impacts
+        over = every.time_s + every.duration_s <= end_s
+        kept = Impacts(**{name: values[over] for name, values in vars(every).items()})
+        ended[joint] = replace(contact, impacts=kept)
+    return Run(
         scene,
         "truth",
         cast(Engine, TRUE),
@@ -67,12 +65,6 @@ def reference_solution(scene: Scene, samples: int) -> TrueRun:
         certain_m=max(COVERAGE * apart, resolution),
         by="independent equations" if by == INDEPENDENT else "the reference engine",
     )
-
-
-def _until(impacts: Impacts, end_s: float) -> Impacts:
-    """Return the impacts that have ended by a time."""
-    over = impacts.time_s + impacts.duration_s <= end_s
-    return Impacts(**{name: values[over] for name, values in vars(impacts).items()})
 
 
 def write_reference_solutions(folder: Path, names: Iterable[str] = SCENES) -> None:

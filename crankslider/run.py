@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
+from pydantic import InstanceOf
 
-from engine_models.engine import MOST_SAMPLES, Engine, Trajectory
+from engine_models.engine import Engine, Trajectory
 from engine_models.mechanics.quality import Quality, quality_of
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
@@ -28,17 +29,15 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from reports.results import Results
-    from reports.standings import Standings
 
-#: Endings of the files of tables, of sweeps, of figures and of animations; and the place of no file.
-TABLES, ROWS = (".csv", ".json", ".parquet", ""), (".parquet", ".csv")
-PICTURES, FILMS = (".png", ".svg", ".pdf"), (".html", ".gif", ".mp4")
+#: Endings of the files of tables, of figures and of animations; and the place of no file.
+TABLES, PICTURES = (".csv", ".json", ".parquet", ""), (".png", ".svg", ".pdf")
+FILMS = (".html", ".gif", ".mp4")
 STDOUT = Path("-")
 #: A note says that samples miss the largest contact force by more than this part of it.
 MISSED = 0.1
-#: This number of samples in the shortest impact shows 99 % of the largest force of half a sine.
-PER_IMPACT = 10
+
+Times = Annotated[Positive, in_words()]
 
 
 class ContactForce(NamedTuple):
@@ -55,8 +54,9 @@ class Run:
 
     ``engine`` has the settings that ran. ``tolerance_m`` is the tolerance of the slider position, or None.
     ``warnings`` has a line for each doubt about the run. ``trajectory`` has all results as arrays. What is
-    before ``start_s`` is a transient. ``checked`` tells whether a tolerance or a run at half the step has
-    been a check of it.
+    before ``start_s`` is a transient. ``checked``: a tolerance or a run at half the step has been a check.
+    ``certain_m`` is the uncertainty of a reference solution, of the slider or what else is observed, of an
+    angle times the longest lever; ``by`` says who solved it.
     """
 
     scene: Scene
@@ -67,6 +67,8 @@ class Run:
     tolerance_m: float | None = None
     start_s: float = 0.0
     checked: bool = True
+    certain_m: float = 0.0
+    by: str = ""
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
@@ -101,7 +103,7 @@ class Run:
         return self._largest_force(self.start_s)
 
     def _largest_force(self, start_s: float) -> ContactForce | None:
-        forces, clearances = [], self.scene.clearances
+        forces, clearances = list[ContactForce](), self.scene.clearances
         for joint, contact in self.trajectory.contacts.items():
             force = np.append(contact.normal_force_N, contact.impacts.largest_normal_force_N)
             times = np.append(self.trajectory.time_s, contact.impacts.largest_normal_force_time_s)
@@ -121,9 +123,6 @@ class Run:
         """Return a figure of position, velocity, forces and energy over time, or of ``columns`` of the frame.
 
         The largest contact force is marked, also if it lies between samples.
-
-        Raises:
-            BadInput: there is no such column.
         """
         from reports.run_figures import time_plot
 
@@ -142,31 +141,21 @@ class Run:
 
     @check_arguments
     def plot_orbit(self, joint: str) -> "Figure":
-        """Return a figure of the path of a joint's pin in its clearance circle.
-
-        Raises:
-            BadInput: the joint has no clearance.
-        """
+        """Return a figure of the path of a joint's pin in its clearance circle."""
         from reports.run_figures import orbit_plot
 
         clearances = self.scene.clearances
         if joint not in clearances:
-            expected = "a scene with clearance"
-            if clearances:
-                expected = f"{one_of([*clearances])}, which has clearance"
+            expected = (
+                f"{one_of([*clearances])}, which has clearance" if clearances else "a scene with clearance"
+            )
             raise BadInput(f"joint: expected {expected}, got {shown(joint)}")
         return orbit_plot(self.frame, joint, clearances[joint].radial_clearance_m, self._title)
 
     @check_arguments
     def animate(self, file: Place, exaggerate: Positive = 1.0) -> None:
-        """Write an animation of the mechanism, with joint forces as arrows, to a .html, .gif or .mp4 file.
-
-        Clearances are enlarged by the factor ``exaggerate``.
-
-        Raises:
-            BadInput: the file has another ending or cannot be written, or it is .mp4 without ffmpeg.
-        """
-        require_file("animate", Path(file), FILMS)
+        """Write an animation of the mechanism, with joint forces as arrows, to a .html, .gif or .mp4 file."""
+        require_outputs(self.scene, animate=file)
         self.write(animate=file, exaggerate=exaggerate)
 
     @check_arguments
@@ -177,30 +166,28 @@ class Run:
         plot: Place | None = None,
         animate: Place | None = None,
         plot_columns: Sequence[str] = (),
-        exaggerate: Positive = 1.0,
+        exaggerate: Times = 1.0,
     ) -> None:
-        """Write samples and impacts by the endings of their files, a figure and an animation; - is stdout.
+        """Write tables by the endings of their files, a figure and an animation.
 
-        Raises:
-            BadInput: a file cannot be written.
+        Args:
+            out: write samples to .csv, .json or .parquet; - is stdout, the default alone.
+            impacts: write impacts, one row each, to .csv, .json or .parquet.
+            plot: draw it to .png, .svg or .pdf.
+            animate: animate the mechanism to .html, .gif or .mp4.
+            plot_columns: columns that the figure shows, A,B.
+            exaggerate: enlarge clearances in the animation by this factor.
         """
         contents = {}
         for name, place, columns in (("out", out, self._samples), ("impacts", impacts, self._impacts)):
             if place is not None:
-                contents[name, Path(place)] = self._encoded(columns(), Path(place).suffix.lower())
+                contents[name] = place, self._encoded(columns(), Path(place).suffix.lower())
         if plot is not None:
-            from reports.look import picture_bytes
-
-            picture = picture_bytes(self.plot(plot_columns), Path(plot).suffix.lower())
-            contents["plot", Path(plot)] = picture
+            contents["plot"] = plot, picture(self.plot(plot_columns), Path(plot))
         if animate is not None:
-            contents["animate", Path(animate)] = self.film(Path(animate).suffix.lower(), exaggerate)
-        for (name, path), content in contents.items():
-            with writing(name, path):
-                if path == STDOUT:
-                    print(content.decode("utf-8"), end="")
-                else:
-                    write_whole(path, content)
+            contents["animate"] = animate, self.film(Path(animate).suffix.lower(), exaggerate)
+        for name, (place, content) in contents.items():
+            write_file(name, Path(place), content)
 
     def film(self, ending: str, exaggerate: float) -> bytes:
         """Return the animation as the bytes of a file; progress is told as that of a run."""
@@ -215,11 +202,9 @@ class Run:
             import pyarrow as pa
             from pyarrow import parquet
 
-            made_by = {
-                name: it if isinstance(it, str) else json.dumps(it) for name, it in self.made_by.items()
-            }
+            texts = {name: it if isinstance(it, str) else json.dumps(it) for name, it in self.made_by.items()}
             sink = io.BytesIO()
-            parquet.write_table(pa.table(dict(columns)).replace_schema_metadata(made_by), sink)
+            parquet.write_table(pa.table(dict(columns)).replace_schema_metadata(texts), sink)
             return sink.getvalue()
         lists = {name: values.tolist() for name, values in columns.items()}
         if ending == ".json":
@@ -232,6 +217,7 @@ class Run:
     @property
     def made_by(self) -> dict[str, Any]:
         """Provenance of the run: version, engine, settings, steps, quality, and the scene as TOML."""
+        true = {"settings": {}, "certain_m": self.certain_m, "by": self.by} if self.by else {}
         return {
             "version": version("crankslider"),
             "engine": self.engine_name,
@@ -243,21 +229,28 @@ class Run:
             "quality": self.quality.parts(),
             "warnings": list(self.warnings),
             "scene": self.scene.to_toml(),
+            **true,
         }
 
     def notes(self) -> list[str]:
-        """Return a line each on the start, the quality, the steps and the largest force of the run."""
+        """Return a line each on the start, the quality, the steps and the largest force of the run.
+
+        Of a reference solution there is one on its uncertainty, its end and its method.
+        """
+        steps, allowed_s, end_s = self.trajectory.steps, self.trajectory.step_s, self.trajectory.time_s[-1]
+        if self.by:
+            certain = f"{self.certain_m:.1e} m"
+            if self.scene.observed.what == "angle":
+                certain = f"{self.certain_m / lever_m(self.scene):.1e} rad"
+            line = f"{self.scene.observed.name} is certain to {certain} until t = {end_s:.6g} s, by {self.by}"
+            return [line, *self._notes_of_force()]
         method = vars(self.engine).get("method")
-        of_method = f" of {method}" if method else ""
-        steps, allowed_s = self.trajectory.steps, self.trajectory.step_s
-        mean_s = self.trajectory.time_s[-1] / max(steps, 1)
+        mean_s = end_s / max(steps, 1)
         how_long = f"{mean_s:.3g} s on average, up to {allowed_s:.6g} s allowed"
         if mean_s > 0.99 * allowed_s:
             how_long = f"the longest {allowed_s:.6g} s"
-        lines = [
-            f"quality: {self.quality.summary()}{'' if self.checked else ', not checked'}",
-            f"{steps} steps{of_method}, {how_long}",
-        ]
+        lines = [f"quality: {self.quality.summary()}{'' if self.checked else ', not checked'}"]
+        lines.append(f"{steps} steps{f' of {method}' if method else ''}, {how_long}")
         if (moved := self.scene.placed.moved) is not None:
             lines.insert(0, f"start put together: {moved} from what the file tells")
         return lines + self._notes_of_force()
@@ -272,16 +265,11 @@ class Run:
         if self.start_s and overall and overall != largest:
             before = f"{_newtons(overall.force_N)} at joint {overall.joint} at t = {overall.time_s:.6g} s"
             lines[0] += f", after the transient to {self.start_s:g} s, in which it is {before}"
-        contacts, samples = self.trajectory.contacts, len(self.trajectory.time_s) - 1
         late = self.trajectory.time_s >= self.start_s
-        shown_N = contacts[largest.joint].normal_force_N[late].max(initial=0.0)
+        shown_N = self.trajectory.contacts[largest.joint].normal_force_N[late].max(initial=0.0)
         if shown_N < (1 - MISSED) * largest.force_N:
-            duration_s = np.concatenate([contact.impacts.duration_s for contact in contacts.values()])
-            shortest_s = duration_s[duration_s > 0].min(initial=np.inf)  # it is 0 between rigid walls
-            enough = float(f"{PER_IMPACT * self.scene.end_time_s / shortest_s:.2g}")
-            resolved = f", --samples {enough:g} resolves them" if samples < enough <= MOST_SAMPLES else ""
-            missed = f"{samples} samples show at most {_newtons(shown_N)} of it"
-            lines.append(f"{missed}: --impacts FILE has every impact's largest{resolved}")
+            missed = f"{len(late) - 1} samples show at most {_newtons(shown_N)} of it"
+            lines.append(f"{missed}: more --samples show more, --impacts FILE has every impact's largest")
         return lines
 
     @property
@@ -296,32 +284,6 @@ class Run:
         from reports.run_figures import card
 
         return card(self._title, [*self.notes(), *self.warnings], self.plot())
-
-
-@dataclass(frozen=True, repr=False, kw_only=True)
-class TrueRun(Run):
-    """A reference solution up to the predictability horizon.
-
-    ``certain_m`` is the uncertainty of the slider, of a pendulum's pin along its arc, or of what the scene
-    observes: of an angle times the longest lever. ``by`` says who solved it.
-    """
-
-    certain_m: float
-    by: str
-
-    @property
-    def made_by(self) -> dict[str, Any]:
-        """Provenance as of a run, with the uncertainty in place of an engine's settings."""
-        return {**super().made_by, "settings": {}, "certain_m": self.certain_m, "by": self.by}
-
-    def notes(self) -> list[str]:
-        """Return a line each on the uncertainty, the method and the end, and on the largest force."""
-        certain = f"{self.certain_m:.1e} m"
-        if self.scene.observed.what == "angle":
-            certain = f"{self.certain_m / lever_m(self.scene):.1e} rad"
-        end = self.trajectory.time_s[-1]
-        line = f"{self.scene.observed.name} is certain to {certain} until t = {end:.6g} s, by {self.by}"
-        return [line, *self._notes_of_force()]
 
 
 @dataclass(frozen=True)
@@ -344,11 +306,7 @@ class Sweep:
 
     @check_arguments
     def plot(self, show: str | None = None) -> "Figure":
-        """Return the figure over the one or two fields that differ, of the column ``show`` or of a default.
-
-        Raises:
-            BadInput: there is no figure of that number of fields, or no such column.
-        """
+        """Return the figure over the one or two fields that differ, of a column or of a default one."""
         from reports.run_figures import NoPicture, sweep_picture
 
         numbers = list(self.frame.columns[list(self.frame).index("warnings") + 1 :])
@@ -359,106 +317,70 @@ class Sweep:
         except NoPicture as reason:
             raise BadInput(f"plot: {reason}") from None
 
-    def write(self, path: Path) -> None:
-        """Write the rows as .parquet or .csv."""
-        if path.suffix.lower() == ".csv":
-            write_whole(path, self.frame.to_csv(index=False).encode("utf-8"))
-        else:
-            write_whole(path, self.frame.to_parquet(index=False))
+    def encoded(self, ending: str) -> bytes:
+        """Return the rows as the bytes of a .csv or .parquet file."""
+        if ending == ".csv":
+            return bytes(self.frame.to_csv(index=False).encode("utf-8"))
+        return bytes(self.frame.to_parquet(index=False))
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """A comparison of engines on a scene.
-
-    ``results`` has the rows and their curves. ``run`` is the recommended run with more samples, None if there
-    is no recommendation. ``given`` is the scene as it is typed in a command.
-    """
-
-    scene: Scene
-    results: "Results"
-    run: Run | None
-    given: str
-
-    @property
-    def frame(self) -> "pd.DataFrame":
-        """The rows, one per recorded or timed run, with settings, errors, times and reasons."""
-        return self.results.rows
-
-    @cached_property
-    def standings(self) -> "Standings":
-        """The result of every engine."""
-        from reports.standings import Standings
-
-        return Standings.of(self.frame)
-
-    @property
-    def recommendation(self) -> str:
-        """The recommended engine and setting, its cost, and its limit, in sentences."""
-        from reports.standings import sentences
-
-        return "\n".join(sentences(self.standings, self.given))
-
-    def table(self) -> "pd.DataFrame":
-        """Return a line for each engine, as on the page."""
-
-        from reports.standings import standings_table
-
-        return standings_table(self.standings).cells()
-
-    @check_arguments
-    def save(self, folder: Place) -> None:
-        """Write the page, ``index.html``, its figures and tables, and the rows, ``rows.csv``, to a folder.
-
-        Raises:
-            BadInput: the folder cannot be written.
-        """
-        from reports.comparison import write_comparison
-
-        place, pictures = Path(folder), {}
-        if self.run is not None:
-            pictures["What does the recommended run look like?"] = self.run.plot()
-            for joint in self.scene.joints_with_clearance:
-                pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
-        with writing("folder", place):
-            write_comparison(place, self.results, pictures, self.scene.to_toml(), self.given)
-            write_whole(place / "rows.csv", self.frame.to_csv(index=False).encode("utf-8"))
-
-    def __repr__(self) -> str:
-        return self.recommendation
+@check_arguments
+def require_outputs(
+    scene: InstanceOf[Scene],
+    inputs: Sequence[str] = (),
+    out: Place | None = None,
+    impacts: Place | None = None,
+    plot: Place | None = None,
+    animate: Place | None = None,
+    exaggerate: Times = 1.0,
+) -> None:
+    """Refuse, before any work, files that cannot be written, have other endings, or are taken already."""
+    if exaggerate != 1.0 and animate is None:
+        raise BadInput(f"exaggerate: expected nothing without animate, got {exaggerate:g}")
+    if impacts is not None and not scene.joints_with_clearance:
+        raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has no impacts")
+    taken = [os.path.realpath(name) for name in inputs]
+    places = {"out": (out, TABLES), "impacts": (impacts, TABLES), "plot": (plot, PICTURES)}
+    for name, (place, endings) in {**places, "animate": (animate, FILMS)}.items():
+        if place is not None:
+            require_file(name, Path(place), endings)
+            if (file := os.path.realpath(place)) in taken:
+                expected = "a file that neither the scene is read from nor another is written to"
+                raise BadInput(f"{name}: expected {expected}, got {place}")
+            taken.append(file)
 
 
-def ending_of(argument: str, path: Path, endings: Collection[str]) -> str:
-    """Return the ending of a file's name in lower case; raise BadInput if it is none of these."""
+def require_file(argument: str, path: Path, endings: Collection[str]) -> None:
+    """Refuse a file that cannot be written or has another ending."""
     ending = path.suffix.lower()
     if ending not in endings:
         expected = f"a file that ends in {one_of([each for each in endings if each])}"
         raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
-    return ending
-
-
-def require_file(argument: str, path: Path, endings: Collection[str], inputs: Collection[Path] = ()) -> None:
-    """Refuse, before any work, a file that cannot be written, has another ending, or is one of the inputs."""
-    ending = ending_of(argument, path, endings)
-    if path == STDOUT and "" in endings:
-        return
     if ending == ".mp4":
         from reports.film import can_write
 
         if not can_write(ending):
             expected = "a file that ends in .html or .gif where ffmpeg is not installed"
             raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
-    if any(os.path.realpath(path) == os.path.realpath(other) for other in inputs):
-        expected = "a file that neither the scene is read from nor another is written to"
-        raise BadInput(f"{argument}: expected {expected}, got {path}")
+    if path != STDOUT:
+        with writing(argument, path):
+            require_place(path)
+
+
+def write_file(argument: str, path: Path, content: bytes) -> None:
+    """Write a whole file, or to stdout."""
     with writing(argument, path):
-        require_place(path)
+        if path == STDOUT:
+            print(content.decode("utf-8"), end="")
+        else:
+            write_whole(path, content)
 
 
-@check_arguments
-def factor(exaggerate: Annotated[Positive, in_words()] = 1.0) -> float:
-    """Return the factor by which clearances are enlarged in an animation, which may be text."""
-    return exaggerate
+def picture(figure: "Figure", path: Path) -> bytes:
+    """Return a figure as the bytes of a file."""
+    from reports.look import picture_bytes  # loads Matplotlib
+
+    return picture_bytes(figure, path.suffix.lower())
 
 
 def _newtons(force_N: float) -> str:

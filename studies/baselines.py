@@ -22,7 +22,7 @@ from studies.failures import BadInput, Failed, log, progress_console, writing
 from studies.judges.comparison import Judged, compared, judged
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
 from studies.judges.metrics import energy_balance_residual_J, is_force, sizes
-from studies.whole_file import write_whole
+from studies.whole_file import require_folder, write_whole
 from studies.workers import Ended, Pool
 
 FOLDER, FILE = Path(__file__).parent, "baselines.csv"
@@ -157,6 +157,19 @@ def read(folder: Path) -> pd.DataFrame:
     except (OSError, ValueError, KeyError) as reason:
         todo = '--accept --why "..." writes one'
         raise BadInput(f"baselines: expected {folder / FILE}, got '{reason}': {todo}") from None
+
+
+def require_baselines(folder: Path | None, accept: bool, why: str | None) -> None:
+    """Refuse, before any work, acceptance without a reason, and a folder that cannot be read or written."""
+    if accept != bool(why and why.strip()):
+        raise BadInput(
+            f"why: expected a reason with accept, got {'none' if accept else 'one without accept'}"
+        )
+    if accept and folder is not None:
+        with writing("baselines", folder):
+            require_folder(folder)
+    elif folder is not None:
+        read(folder)
 
 
 def compare_or_accept(engines: Collection[str], folder: Path, why: str | None) -> list[str]:

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -18,10 +18,9 @@ from typing import Any, Protocol, cast
 from engine_models.arms import MEANINGS, Arm, Setting
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import engine_module
-from engine_models.scene.plain_words import one_of, shown
 from engine_models.scene.scene import Scene
 from studies.failures import Failed, bug
-from studies.registry import STUDIES, study_module
+from studies.registry import study_module
 
 Value = str | int | float | bool | None
 #: One flat row of results: units are in the column names, failures have ``status`` and ``reason``.
@@ -32,9 +31,6 @@ ROOT = Path(__file__).parents[1]
 #: The folders whose files decide numbers, and the distributions whose versions do.
 CODE = ("reference_solver", "engine_models", "studies")
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "exudyn", "pymunk")
-#: The engines with machine code of this project, and the studies that ask for reference solutions.
-COMPILED = ("reference", "scipy", "exudyn", "pymunk")
-JUDGED = ("accuracy", "cost", "predictability", "stability", "extremes", "comparison")
 #: The wall time in s of a case that has no limit of its own, kernels and reference solutions included. The
 #: longest of the full set take a minute: what takes thirty times as long will never end.
 LIMIT_S = 1800.0
@@ -66,13 +62,6 @@ class Case:
     def settings(self) -> dict[str, Setting]:
         """The engine's settings, the configuration's and the added ones."""
         return {**self.arm.settings, **self.added}
-
-    @property
-    def compiles(self) -> frozenset[str]:
-        """What machine code the case needs that others need too: its engine's, and that of the truth."""
-        loop = "reference, with contacts" if self.scene.joints_with_clearance else "reference"
-        engines = {self.engine, "reference", "scipy"} if self.study in JUDGED else {self.engine}
-        return frozenset(loop if engine == "reference" else engine for engine in engines & {*COMPILED})
 
     @property
     def key(self) -> str:
@@ -111,19 +100,8 @@ class Study(Protocol):
 
 
 def load_study(name: str) -> Study:
-    """Return a study by its name, or by the import path of its module.
-
-    Raises:
-        ValueError: there is none.
-    """
-    module = study_module(name)
-    try:
-        return cast(Study, import_module(module))
-    except ModuleNotFoundError as error:
-        if error.name != module.split(".")[0] and error.name != module:
-            raise  # what the study imports is missing
-        known = one_of(list(STUDIES))
-        raise ValueError(f"study: expected {known}, or a module's path, got {shown(name)}") from None
+    """Return a study by its name, or by the import path of its module."""
+    return cast(Study, import_module(study_module(name)))
 
 
 def run_case(case: Case) -> tuple[Row, Curves]:
@@ -169,12 +147,9 @@ def code_of(engine: str) -> str:
 @cache
 def project_code(folders: tuple[str, ...] = CODE) -> str:
     """Return a hash of the names and bytes of all files of Python and data in folders of the project."""
-    files = [path for name in folders for path in sorted((ROOT / name).rglob("*")) if _counts(path)]
+    paths = (path for name in folders for path in sorted((ROOT / name).rglob("*")))
+    files = [path for path in paths if path.suffix in (".py", ".toml")]
     return _hash(repr([(path.relative_to(ROOT).as_posix(), path.read_bytes()) for path in files]).encode())
-
-
-def _counts(path: Path) -> bool:
-    return path.suffix in (".py", ".toml")
 
 
 def _hash(content: bytes) -> str:
@@ -183,14 +158,8 @@ def _hash(content: bytes) -> str:
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of Python and of the distributions that decide numbers, as far as installed."""
-    found = {"python": platform.python_version()}
-    for name in LIBRARIES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "none"
-    return found
+    """Return the versions of Python and of the distributions that decide numbers."""
+    return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
 
 
 def provenance(full: bool, cases: Iterable[Case]) -> dict[str, Any]:

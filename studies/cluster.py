@@ -45,17 +45,13 @@ class Cluster:
         self._client = self._distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
         try:
             self._client.wait_for_workers(1, timeout=CONNECT_S)
-            codes = set(self._client.run(code_of, "reference").values())
+            codes = {*self._client.run(code_of, "reference").values()}
         except Exception as error:
+            codes = {error}
+        if codes != {code_of("reference")}:
             self._client.close()
-            raise _refusal(
-                "a Dask cluster with workers that have crankslider installed", f"'{error}'"
-            ) from None
-        if others := codes - {code_of("reference")}:
-            self._client.close()
-            raise _refusal(
-                f"workers with our code and libraries ({code_of('reference')})", ", ".join(sorted(others))
-            )
+            expected = f"workers with our code and libraries ({code_of('reference')})"
+            raise _refusal(expected, ", ".join(map(str, codes)))
 
     async def _identity(self, address: str) -> Any:
         async with self._distributed.rpc(address, timeout=CONNECT_S) as server:

@@ -62,11 +62,8 @@ def ask(scene: Scene, error: float | None = None, signal: str | None = None) -> 
     column, wanted = _judged(scene, truth)
     if signal is not None:
         columns = {name: with_suffix(name, "error") for name, _ in signals(scene, truth)}
-        columns |= (
-            {_effort(scene).replace("_error", ""): _effort(scene)}
-            if truth.driver_torque_N_m is not None
-            else {}
-        )
+        if truth.driver_torque_N_m is not None:
+            columns[_effort(scene).replace("_error", "")] = _effort(scene)
         named = {name.rpartition("_")[0]: name for name in columns} | {name: name for name in columns}
         if signal not in named:
             raise BadInput(unknown("signal", signal, columns))

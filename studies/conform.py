@@ -3,11 +3,11 @@
 Everything is worked out from the scene and the trajectory alone, and from independent reference solutions.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from engine_models.mechanics.states import observed_m
 from engine_models.minimal.forces import Forces
 from engine_models.scene.library import ALL_SCENES, SCENES
 from engine_models.scene.scene import Scene
+from studies.judges.columns import accelerations
 from studies.judges.converged_truth import converged, solved
 from studies.judges.convergence import observed_order
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
@@ -82,8 +83,9 @@ class Finding(NamedTuple):
     measured: str
 
 
-def _within(value: float, bound: float, unit: str, reason: str) -> Finding:
-    """Return that a number is within its bound, which is for this reason."""
+def _within(value: float, bound: float, words: str) -> Finding:
+    """Return that a number is within its bound; ``words`` are its unit and the reason of the bound."""
+    unit, _, reason = words.partition(": ")
     return Finding(bool(value < bound), f"{value:.1e} {unit}, at most {bound:.0e}: {reason}")
 
 
@@ -97,18 +99,19 @@ class Trial:
     @cached_property
     def scene(self) -> Scene:
         """The beginning of the scene."""
-        if self.whole.name not in SCENES:
-            return self.whole
-        return self.whole.model_copy(update={"end_time_s": END_S[self._constant]})
-
-    @property
-    def _constant(self) -> bool:
-        return self.whole.drive.kind == "constant-speed"
+        return self._beginning[0]
 
     @cached_property
     def run(self) -> Trajectory:
         """The engine's run of it."""
         return self.again()
+
+    @cached_property
+    def _beginning(self) -> tuple[Scene, float]:
+        if self.whole.name not in SCENES:
+            return self.whole, self.whole.end_time_s / STEPS
+        constant = self.whole.drive.kind == "constant-speed"
+        return self.whole.replace("end_time_s", END_S[constant]), STEP_S[constant]
 
     @cached_property
     def refusal(self) -> str:
@@ -124,43 +127,45 @@ class Trial:
 
     def again(self) -> Trajectory:
         """Return another run of it."""
-        in_library = self.whole.name in SCENES
-        step_s = STEP_S[self._constant] if in_library else self.whole.end_time_s / STEPS
-        return self.engine.simulate(self.scene, RunSettings(step_s, SAMPLES))
+        return self.engine.simulate(self.scene, RunSettings(self._beginning[1], SAMPLES))
 
 
 def arrays_fit(trial: Trial) -> Finding:
     """Arrays have the scene's shapes and the grid's times."""
-    scene, run = trial.scene, trial.run
-    n, bodies, own = SAMPLES + 1, len(scene.mechanism.bodies), trial.engine.twin(scene)
-    rubbing = {name: room.friction is not None for name, room in own.clearances.items()}
-    free = scene.drive.kind == "free"
-    right = {
-        "position": run.position.shape == (n, bodies, 3),
-        "velocity": run.velocity.shape == (n, bodies, 3),
-        "joint_force_N": {name: force.shape for name, force in run.joint_force_N.items()}
-        == dict.fromkeys(scene.joints, (n, 2)),
-        "guide_force_N": {name: force.shape for name, force in run.guide_force_N.items()}
-        == {guide.name: (n,) for guide in scene.mechanism.guides},
-        "driver_torque_N_m": (run.driver_torque_N_m is None) == free,
-        "driver_work_J": (run.driver_work_J is None) == free,
-        "time_s": run.time_s.shape == (n,)
-        and np.allclose(run.time_s, np.linspace(0, scene.end_time_s, n), rtol=1e-12, atol=0),
-        "contacts": tuple(run.contacts) == scene.joints_with_clearance,
-        "steps": run.steps > 0,
-        "solve_time_s": run.solve_time_s > 0,
+    scene, run, n = trial.scene, trial.run, SAMPLES + 1
+    own, driven, states = (
+        trial.engine.twin(scene),
+        scene.drive.kind != "free",
+        (n, len(scene.mechanism.bodies), 3),
+    )
+    expected = {
+        "time_s": (n,),
+        "position": states,
+        "velocity": states,
+        "driver_torque_N_m": (n,) if driven else None,
+        "driver_work_J": (n,) if driven else None,
+        "joint_force_N": dict.fromkeys(scene.joints, (n, 2)),
+        "guide_force_N": {guide.name: (n,) for guide in scene.mechanism.guides},
     }
-    for name, contact in run.contacts.items():
-        right |= {
-            f"contacts {name} friction": (contact.friction_force_N is not None) == rubbing.get(name),
-            f"contacts {name} gap_m": contact.gap_m.shape == (n, 2),
-            f"contacts {name} forces": all(
-                array.shape == (n,)
-                for array in (contact.penetration_m, contact.normal_force_N, contact.normal_impulse_N_s)
-            ),
-        }
-    wrong = [name for name, fits in right.items() if not fits]
+    wrong = [name for name, shape in expected.items() if _shapes(getattr(run, name)) != shape]
+    if not np.allclose(run.time_s, np.linspace(0, scene.end_time_s, n), rtol=1e-12, atol=0):
+        wrong.append("time_s")
+    wrong += [name for name in ("steps", "solve_time_s") if not getattr(run, name) > 0]
+    if tuple(run.contacts) != scene.joints_with_clearance:
+        wrong.append("contacts")
+    for joint, contact in run.contacts.items():
+        rubs = own.clearances[joint].friction is not None
+        shapes = {"gap_m": (n, 2), "friction_force_N": (n,) if rubs else None}
+        shapes |= dict.fromkeys(("penetration_m", "normal_force_N", "normal_impulse_N_s"), (n,))
+        wrong += [f"{joint} {it}" for it, shape in shapes.items() if _shapes(getattr(contact, it)) != shape]
     return Finding(not wrong, f"not as they should be: {', '.join(wrong)}" if wrong else "all")
+
+
+def _shapes(arrays: Any) -> Any:
+    """Return the shape of an array, or those of arrays by their names."""
+    if isinstance(arrays, Mapping):
+        return {name: _shapes(each) for name, each in arrays.items()}
+    return None if arrays is None else arrays.shape
 
 
 def begins_in_the_scenes_state(trial: Trial) -> Finding:
@@ -176,13 +181,13 @@ def begins_in_the_scenes_state(trial: Trial) -> Finding:
 def joints_stay_closed(trial: Trial) -> Finding:
     """Ideal joints and the guide stay closed."""
     apart = float(constraint_violation_m(trial.scene, trial.run).max())
-    return _within(apart, CLOSED_M, "m apart", "eight times what Pymunk's sweeps leave")
+    return _within(apart, CLOSED_M, "m apart: eight times what Pymunk's sweeps leave")
 
 
 def ledger_closes(trial: Trial) -> Finding:
     """No energy comes or goes that work and losses do not explain."""
     left = float(unaccounted_part(trial.scene, trial.run).max())
-    return _within(left, LEDGER, "of the energy in play", "what first-order engines leave at an impact")
+    return _within(left, LEDGER, "of the energy in play: what first-order engines leave at an impact")
 
 
 def forces_fit_accelerations(trial: Trial) -> Finding:
@@ -193,20 +198,18 @@ def forces_fit_accelerations(trial: Trial) -> Finding:
         quiet &= contact.normal_impulse_N_s[2:] == contact.normal_impulse_N_s[:-2]
     quiet[:2] = False  # a start from rest forces on the first steps (Pymunk's kicks)
     masses = np.array([body.mass_kg for body in scene.mechanism.bodies])[:, None]
-    force = masses * Forces(scene).accelerations(run)[:, :, :2]
+    force = masses * accelerations(Forces(scene), run)[:, :, :2]
     needed = masses * (run.velocity[2:, :, :2] - run.velocity[:-2, :, :2]) / (2 * run.time_s[1])
     scale = max(np.abs(force[1:-1][quiet]).max(initial=0.0), float((masses * 9.81).max()))
     off = float(np.abs(needed - force[1:-1])[quiet].max(initial=0.0) / scale)
-    return _within(
-        off, FORCES, "of the largest force", "what central differences over two samples are good to"
-    )
+    return _within(off, FORCES, "of the largest force: what central differences over two samples are good to")
 
 
 def observed_is_where_it_should_be(trial: Trial) -> Finding:
     """What the scene observes is where the true solution of the engine's own law has it."""
-    truth, _ = converged(trial.engine.twin(trial.scene), SAMPLES)
-    off = float(np.abs(observed_m(trial.scene, trial.run) - observed_m(trial.scene, truth)).max())
-    return _within(off, PLACE_M, "m off", "a tenth of the usual clearance")
+    return _within(
+        _off(trial.engine.twin(trial.scene), trial.run), PLACE_M, "m off: a tenth of the usual clearance"
+    )
 
 
 def impacts_are_as_strong_as_they_should_be(trial: Trial) -> Finding:
@@ -221,12 +224,9 @@ def impacts_are_as_strong_as_they_should_be(trial: Trial) -> Finding:
             strongest_N = max([strongest_N, *true.largest_normal_force_N])
             off_N = max(off_N, row.get(FORCE_ERROR, np.nan if row["impacts_matched"] else 0.0))
     part = off_N / strongest_N if strongest_N else 0.0
-    force = _within(
-        part, STRENGTH, "of the largest force off", "twice what engines that end no step on a touch are"
-    )
-    return Finding(
-        not missed and force.holds, f"{missed:g} impacts too few or many, none is allowed; {force.measured}"
-    )
+    reason = "twice what engines that end no step on a touch are"
+    holds, measured = _within(part, STRENGTH, f"of the largest force off: {reason}")
+    return Finding(holds and not missed, f"{missed:g} impacts too few or many, none is allowed; {measured}")
 
 
 def repeats_itself(trial: Trial) -> Finding:
@@ -247,65 +247,48 @@ def scene_of(name: str) -> Scene:
 
 def states_its_order(engine: Engine) -> Finding:
     """The slider's error falls with the step by the order that the engine states, or with its tolerance."""
-    scene = _smooth()
-    if refused := _refused(engine, scene):
-        return refused
+    scene = smooth_scene(engine)
     if engine.order is None:
-        return _falls_with_tolerance(engine, scene)
-    return _falls_with_step(engine, scene, engine.order)
+        first, _ = _error(engine, scene, scene.end_time_s)
+        for _ in range(SHARPENINGS):
+            engine = engine.sharper()
+        last, _ = _error(engine, scene, scene.end_time_s)
+        bound = max(first / GAIN, SHARP_M)
+        told = f"from {first:.1e} to {last:.1e} m, {SHARPENINGS} times sharper, at most {bound:.1e} m"
+        return Finding(last <= bound, f"{told}: a tolerance a thousandth has to bring a hundredth")
+    errors, steps = zip(*(_error(engine, scene, LONGEST_S / 2**k) for k in range(HALVINGS + 1)), strict=True)
+    order = observed_order(steps, errors, KNOWN_TO_M)
+    told = f"{order}, and {engine.order:g} is stated, to be kept within {ORDER:g}"
+    holds = order.slope is not None and abs(order.slope - engine.order) <= ORDER
+    return Finding(holds, f"{told}: the error is {errors[-1]:.1e} m at a step of {steps[-1]:.1e} s")
 
 
 def states_its_accuracy(engine: Engine) -> Finding:
     """The slider's error on smooth motion is no more than the engine states, if it does."""
-    scene = _smooth()
-    if refused := _refused(engine, scene):
-        return refused
     stated = engine.accuracy_m
     if stated is None:
         return Finding(True, "no accuracy_m is stated")
-    off, step_s = _error(engine, scene, LONGEST_S)
+    off, step_s = _error(engine, smooth_scene(engine), LONGEST_S)
     return Finding(off <= stated, f"{off:.1e} m at a step of {step_s:.1e} s, and {stated:.1e} m is stated")
 
 
-def _smooth() -> Scene:
-    return SCENES[SMOOTH]().model_copy(update={"end_time_s": SMOOTH_END_S})
-
-
-def _refused(engine: Engine, scene: Scene) -> Finding | None:
-    """Return that nothing is measured where an engine has no model of smooth motion, else None."""
-    try:
-        engine.check(scene)
-    except UnsupportedScene as reason:
-        return Finding(True, f"not measured, since {SMOOTH} is refused: {reason}")
-    return None
-
-
-def _falls_with_step(engine: Engine, scene: Scene, stated: float) -> Finding:
-    errors, steps = zip(*(_error(engine, scene, LONGEST_S / 2**k) for k in range(HALVINGS + 1)), strict=True)
-    order = observed_order(steps, errors, KNOWN_TO_M)
-    if order.slope is None:
-        ends = " and ".join(f"{errors[at]:.1e} m at a step of {steps[at]:.1e} s" for at in (0, -1))
-        told = f"order {stated:g} is stated, and none can be measured ({order}): the error is {ends}"
-        return Finding(False, told)
-    told = f"{order}, and {stated:g} is stated, to be kept within {ORDER:g}"
-    return Finding(abs(order.slope - stated) <= ORDER, told)
-
-
-def _falls_with_tolerance(engine: Engine, scene: Scene) -> Finding:
-    first, _ = _error(engine, scene, scene.end_time_s)
-    for _ in range(SHARPENINGS):
-        engine = engine.sharper()
-    last, _ = _error(engine, scene, scene.end_time_s)
-    bound = max(first / GAIN, SHARP_M)
-    told = f"from {first:.1e} to {last:.1e} m, {SHARPENINGS} times sharper, at most {bound:.1e} m"
-    return Finding(last <= bound, f"{told}: a tolerance a thousandth has to bring a hundredth")
+def smooth_scene(engine: Engine) -> Scene:
+    """Return smooth motion; raise UnsupportedScene where an engine has no model of it."""
+    scene = SCENES[SMOOTH]().replace("end_time_s", SMOOTH_END_S)
+    engine.check(scene)
+    return scene
 
 
 def _error(engine: Engine, scene: Scene, step_s: float) -> tuple[float, float]:
     """Return the largest error of the slider's position in m, and the step that was taken in s."""
     run = engine.simulate(scene, RunSettings(step_s, SAMPLES))
+    return _off(scene, run), run.step_s
+
+
+def _off(scene: Scene, run: Trajectory) -> float:
+    """Return the largest distance in m of what a scene observes from its reference solution."""
     truth, _ = converged(scene, SAMPLES)
-    return float(np.abs(observed_m(scene, run) - observed_m(scene, truth)).max()), run.step_s
+    return float(np.abs(observed_m(scene, run) - observed_m(scene, truth)).max())
 
 
 #: The claims by their sentences: of an engine on a scene, and of an engine.
@@ -357,11 +340,12 @@ def verdicts(engine: Engine) -> Iterator[Verdict]:
 
 
 def tried(claim: Callable[[Subject], Finding], subject: Subject) -> Finding:
-    """Return what a claim found, which does not hold where the engine raises anything."""
+    """Return what a claim found; it does not hold where the engine raises anything, unless it refuses."""
     try:
         return claim(subject)
     except Exception as error:
-        return Finding(False, f"{type(error).__name__}: {error}")
+        refused = isinstance(error, UnsupportedScene) and isinstance(subject, Engine)
+        return Finding(refused, f"{type(error).__name__}: {error}")
 
 
 def verdicts_on_table(columns: "pd.DataFrame", truth: "pd.DataFrame") -> Iterator[Verdict]:
@@ -373,5 +357,5 @@ def verdicts_on_table(columns: "pd.DataFrame", truth: "pd.DataFrame") -> Iterato
         off = float((columns[name] - truth[name]).abs().max())
         largest = float(truth[name].abs().max())
         bound = PLACE_M if name.endswith("position_m") else STRENGTH * largest
-        unit = f"off, the largest is {largest:.3g}"
-        yield Verdict(name, "", *_within(off, bound, unit, "what is asked of every engine"))
+        words = f"off, the largest is {largest:.3g}: what is asked of every engine"
+        yield Verdict(name, "", *_within(off, bound, words))

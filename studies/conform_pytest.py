@@ -9,6 +9,7 @@ from engine_models.scene.library import ALL_SCENES
 from studies.conform import CLAIMS, OF_ENGINE, Trial, scene_of, tried
 
 OPTION = "--crankslider-engine"
+_trial = cache(lambda engine, scene: Trial(make_engine(engine), scene_of(scene)))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -22,22 +23,11 @@ def pytest_configure(config: pytest.Config) -> None:
         config.args.append(__file__)
 
 
-@pytest.fixture(scope="session")
-def engine_name(pytestconfig: pytest.Config) -> str:
-    """The engine that was asked for."""
-    return str(pytestconfig.getoption(OPTION))
-
-
-@cache
-def _trial(engine_name: str, scene: str) -> Trial:
-    return Trial(make_engine(engine_name), scene_of(scene))
-
-
 @pytest.mark.parametrize("scene", ALL_SCENES)
 @pytest.mark.parametrize("claim", CLAIMS)
-def test_claim(engine_name: str, scene: str, claim: str) -> None:
+def test_claim(pytestconfig: pytest.Config, scene: str, claim: str) -> None:
     """Hold the engine to a claim on a scene that it runs."""
-    trial = _trial(engine_name, scene)
+    trial = _trial(pytestconfig.getoption(OPTION), scene)
     if trial.refusal:
         pytest.skip(trial.refusal)
     holds, measured = tried(CLAIMS[claim], trial)
@@ -45,7 +35,7 @@ def test_claim(engine_name: str, scene: str, claim: str) -> None:
 
 
 @pytest.mark.parametrize("claim", OF_ENGINE)
-def test_of_engine(engine_name: str, claim: str) -> None:
+def test_of_engine(pytestconfig: pytest.Config, claim: str) -> None:
     """Hold the engine to the order and the accuracy that it states."""
-    holds, measured = tried(OF_ENGINE[claim], make_engine(engine_name))
+    holds, measured = tried(OF_ENGINE[claim], make_engine(pytestconfig.getoption(OPTION)))
     assert holds, measured

@@ -40,7 +40,7 @@ def writing(argument: str, place: Path) -> Iterator[None]:
         raise BadInput(f"{argument}: expected a place that can be written, got {place} ({reason})") from None
 
 
-def bug(error: Exception) -> str:
+def bug(error: BaseException) -> str:
     """Return in one line what went wrong where: the file with its folder, since many files share a name.
 
     A library that cannot be loaded, as Exudyn without the system's libGL, is no bug.

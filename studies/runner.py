@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
@@ -29,15 +29,10 @@ def run_studies(
     retry_failed: bool = False,
     only: Collection[str] = (),
 ) -> None:
-    """Run the named studies into the store in ``out``, skipping every case that is there already.
-
-    Cases run by ``workers``, timed ones on this machine and one at a time. If
-    engines are named, ``only`` theirs are run. ``retry_failed`` runs again what is there but neither finished
-    nor was refused.
+    """Run the named studies, of some engines only if any are named, into the store in ``out``.
 
     Raises:
         BadInput: another run holds the folder, or the file there is none of ours.
-        Failed: the cases cannot go on; what was finished is kept.
         OSError: the folder cannot be written.
     """
     cases = {name: load_study(name).cases(full) for name in names}
@@ -57,10 +52,10 @@ def run_cases(
     """Run the cases that a store lacks, with a progress bar a study, and a line that counts its failures.
 
     Timed cases run in a process of this machine with nothing beside it, after all others. So is one run again
-    whose process was killed from outside.
+    whose process was killed from outside. ``retry_failed`` runs again what neither finished nor was refused.
 
     Raises:
-        Failed: no case can go on.
+        Failed: the cases cannot go on; what was finished is kept.
     """
     there = store.statuses()
     wanted = {name: {case.key: case for case in of} for name, of in cases.items()}
@@ -78,12 +73,13 @@ def run_cases(
 
         def run(some: Sequence[Case], where: Workers, last: bool) -> None:
             for call, result in where.results(Call.answer, [Call(case) for case in some]):
-                row, curves = _row_of(call.case, result)
+                case, died = call.case, isinstance(result, Ended)
+                row, curves = (ended(case, result.status, result), {}) if died else result
                 if row["status"] == KILLED and not last:
-                    again.append(call.case)
+                    again.append(case)
                 else:
-                    store.keep(call.case.key, code_of(call.case.engine), row, curves)
-                    progress.advance(bars[call.case.study])
+                    store.keep(case.key, call.code, row, curves)
+                    progress.advance(bars[case.study])
 
         beside = [lacking[key] for key in sorted(lacking) if not lacking[key].timed]  # as good as random
         run(beside, workers, last=False)
@@ -101,7 +97,6 @@ class Call:
 
     def __init__(self, case: Case) -> None:
         self.case, self.limit_s, self.code = case, case.limit_s, code_of(case.engine)
-        self.compiles = case.compiles
 
     def answer(self) -> tuple[Row, Curves]:
         """Return the row and the curves of the case."""
@@ -116,9 +111,3 @@ class Call:
 def lacks(status: str | None, retry_failed: bool) -> bool:
     """Return whether a run that resumes has to make a case that ended so, None if it is not there."""
     return status in (None, KILLED) or (retry_failed and status not in ("ok", "unsupported"))
-
-
-def _row_of(case: Case, result: object) -> tuple[Row, Curves]:
-    if isinstance(result, Ended):
-        return ended(case, result.status, result), {}
-    return cast(tuple[Row, Curves], result)

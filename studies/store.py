@@ -70,14 +70,13 @@ class Store:
                 lock.execute("begin exclusive")
             except sqlite3.OperationalError:
                 todo = "wait for it, or name another folder"
-                raise BadInput(
-                    f"out: expected a folder that no other run holds, got {self.path.parent}: {todo}"
-                ) from None
+                expected = "a folder that no other run holds"
+                raise BadInput(f"out: expected {expected}, got {self.path.parent}: {todo}") from None
             yield
 
     def statuses(self) -> dict[str, str]:
         """Return how every case that is there has ended, by its key."""
-        return dict(self._rows("select key, status from row"))
+        return dict(self._ask("select key, status from row"))
 
     def keep(self, key: str, code: str, row: Row, curves: Curves) -> None:
         """Keep a finished case for good, in place of an earlier row of it."""
@@ -87,13 +86,11 @@ class Store:
             np.savez_compressed(file, **curves)  # type: ignore[arg-type]
             blob = file.getvalue()
         values = (key, row["study"], row["engine"], code, row["status"], json.dumps(row), blob)
-        with self._reading():
-            self._db.execute("insert or replace into row values (?, ?, ?, ?, ?, ?, ?)", values)
+        self._ask("insert or replace into row values (?, ?, ?, ?, ?, ?, ?)", *values)
 
     def describe(self, study: str, facts: Mapping[str, Any]) -> None:
         """Keep where a study's rows come from."""
-        with self._reading():
-            self._db.execute("insert or replace into study values (?, ?)", (study, json.dumps(facts)))
+        self._ask("insert or replace into study values (?, ?)", study, json.dumps(facts))
 
     def results(self, study: str) -> tuple[list[Row], dict[str, Any]]:
         """Return a study's rows by the code of its last run, and where they come from.
@@ -101,25 +98,23 @@ class Store:
         They are in the order of their keys, which are in the column ``case``. Rows of other code stay in the
         file, and count again with that code. Cases of which nothing is known have no row.
         """
-        facts: dict[str, Any] = json.loads(dict(self._rows("select * from study")).get(study, "{}"))
-        codes = facts.get("engines", {})
-        found = self._rows("select key, engine, code, content from row where study = ? order by key", study)
+        facts: dict[str, Any] = json.loads(dict(self._ask("select * from study")).get(study, "{}"))
+        codes, query = facts.get("engines", {}), "select key, engine, code, content from row where study = ?"
+        found = self._ask(f"{query} and status != ? order by key", study, KILLED)
         rows = [
-            {"case": key, **json.loads(content)}
-            for key, engine, code, content in found
-            if codes.get(engine) == code
+            {"case": key, **json.loads(row)} for key, engine, code, row in found if codes.get(engine) == code
         ]
-        return [row for row in rows if row["status"] != KILLED], facts
+        return rows, facts
 
     def curves(self, key: str) -> Curves:
         """Return the curves of a case; none where it has none."""
-        found = self._rows("select curves from row where key = ?", key)
-        if not found or found[0][0] is None:
+        ((blob,),) = self._ask("select curves from row where key = ?", key) or [(None,)]
+        if blob is None:
             return {}
-        with np.load(io.BytesIO(found[0][0])) as file:
+        with np.load(io.BytesIO(blob)) as file:
             return dict(file)
 
-    def _rows(self, query: str, *values: str) -> list[Any]:
+    def _ask(self, query: str, *values: Any) -> list[Any]:
         with self._reading():
             return self._db.execute(query, values).fetchall()
 

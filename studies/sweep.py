@@ -4,8 +4,9 @@ A member's values depend on the seed and on its number alone, not on who runs it
 """
 
 import math
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -17,13 +18,13 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.start import start_angle, start_state
 from engine_models.mechanics.states import observed_m
-from engine_models.minimal.closing import closed
 from engine_models.scene.format import SceneError
 from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
 from engine_models.scene.units import NUMBER, in_unit, unit_of
 from studies.case import Case, Curves, Row, Value
 from studies.failures import BadInput
+from studies.judges.closing import closed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,9 +54,6 @@ def draw_values(
     A field has its values as text, ``LOW:HIGH[:log][:COUNT]`` or a list, or as numbers. ``members`` are those
     of each point of a grid, or in all of a sample. ``jitter`` moves the turning body's angle at the start by
     up to so many rad to either side.
-
-    Raises:
-        BadInput: there are no members, or too many, or what is asked for does not fit together.
     """
     if "end_time_s" in vary:
         raise BadInput("vary end_time_s: expected transient and revolutions, which end a member's run")
@@ -74,21 +72,14 @@ def draw_values(
     return values
 
 
+@dataclass(frozen=True)
 class Range:
     """Numbers from ``low`` to ``high``, in equal ratios if ``log``; no ``count`` where they are drawn."""
 
-    def __init__(self, field: str, text: str) -> None:
-        low, high, *rest = text.split(":")
-        self.low, self.high = (_number(field, end) for end in (low, high))
-        self.log = rest[:1] == ["log"]
-        counts = rest[self.log :]
-        if len(counts) > 1 or not all(it.isascii() and it.isdigit() and len(it) < 10 for it in counts):
-            raise BadInput(f"vary {field}: expected {FORM}, got {shown(text)}")
-        self.count = int(counts[0]) if counts else None
-        if not self.low < self.high or (self.log and self.low <= 0):
-            raise BadInput(
-                f"vary {field}: expected a range that rises, with log from above 0, got {shown(text)}"
-            )
+    low: float
+    high: float
+    log: bool
+    count: int | None
 
     def at(self, part: FloatArray) -> FloatArray:
         """Return the numbers at parts of the way, (n,), from 0 to 1."""
@@ -99,7 +90,16 @@ class Range:
 
 def _range(field: str, values: str | Sequence[float]) -> Range | FloatArray:
     if isinstance(values, str) and ":" in values:
-        return Range(field, values)
+        low, high, *rest = values.split(":")
+        form = re.fullmatch(r"(log)?(?:(?:^|:)(\d{1,9}))?", ":".join(rest), re.ASCII)
+        if form is None:
+            raise BadInput(f"vary {field}: expected {FORM}, got {shown(values)}")
+        count = int(form[2]) if form[2] else None
+        wanted = Range(_number(field, low), _number(field, high), bool(form[1]), count)
+        if not wanted.low < wanted.high or (wanted.log and wanted.low <= 0):
+            expected = "a range that rises, with log from above 0"
+            raise BadInput(f"vary {field}: expected {expected}, got {shown(values)}")
+        return wanted
     given = values.split(",") if isinstance(values, str) else values
     numbers = np.array([_number(field, it) if isinstance(it, str) else float(it) for it in given])
     if not numbers.size or not np.isfinite(numbers).all():
@@ -124,20 +124,18 @@ def _grid(
         raise BadInput("vary: expected FIELD=VALUES, or members and jitter, got nothing")
     axes = []
     for field, values in ranges.items():
-        if isinstance(values, Range):
-            if values.count is None or not 2 <= values.count <= MOST_MEMBERS:
-                expected = f"a count from 2 to {MOST_MEMBERS} behind the ends on a grid"
-                raise BadInput(f"vary {field}: expected {expected}, got {values.count or 'none'}")
+        if not isinstance(values, Range):
+            axes.append(values)
+        elif values.count is not None and 2 <= values.count <= MOST_MEMBERS:
             spaced = np.geomspace if values.log else np.linspace
             axes.append(spaced(values.low, values.high, values.count))
         else:
-            axes.append(values)
+            expected = f"a count from 2 to {MOST_MEMBERS} behind the ends on a grid"
+            raise BadInput(f"vary {field}: expected {expected}, got {values.count or 'none'}")
     if (count := math.prod(map(len, axes)) * (members or 1)) > MOST_MEMBERS:
         raise BadInput(f"vary: expected 1 to {MOST_MEMBERS} members, got {count}")
-    grid = np.meshgrid(*axes, indexing="ij")
-    return {
-        field: np.repeat(values.ravel(), members or 1) for field, values in zip(ranges, grid, strict=True)
-    }
+    grid = [np.repeat(values.ravel(), members or 1) for values in np.meshgrid(*axes, indexing="ij")]
+    return dict(zip(ranges, grid, strict=True))
 
 
 def _drawn(
@@ -147,15 +145,15 @@ def _drawn(
     if members is None or not ranges:
         missing = "members" if ranges else "vary FIELD=LOW:HIGH"
         raise BadInput(f"sample: expected {missing} beside {sample}, got nothing")
-    generator = np.random.default_rng(seed)
-    if sample == "random":
-        points = generator.random((members, len(ranges)))
-    else:
-        from scipy.stats import qmc  # which takes a second to load
+    from scipy.stats import qmc  # which takes a second to load
 
-        kind = qmc.LatinHypercube if sample == "latin-hypercube" else qmc.Sobol
-        power_of_two = 2 ** (members - 1).bit_length()
-        points = kind(len(ranges), seed=generator).random(members if sample != "sobol" else power_of_two)
+    generator, fields = np.random.default_rng(seed), len(ranges)
+    if sample == "random":
+        points = generator.random((members, fields))
+    elif sample == "sobol":
+        points = qmc.Sobol(fields, seed=generator).random(2 ** (members - 1).bit_length())
+    else:
+        points = qmc.LatinHypercube(fields, seed=generator).random(members)
     values = {}
     for (field, wanted), part in zip(ranges.items(), points[:members].T, strict=True):
         if not isinstance(wanted, Range) or wanted.count is not None:

@@ -10,29 +10,20 @@ from tempfile import TemporaryDirectory, TemporaryFile
 
 
 def require_place(path: Path) -> None:
-    """Refuse a place where no file can be written, before any work is done.
-
-    Raises:
-        OSError: ``path`` is a folder, or no file can be written there.
-    """
+    """Raise OSError, before any work is done, if ``path`` is a folder or no file can be written there."""
     path = Path(os.path.realpath(path))
-    if path.is_dir():
-        raise _error(errno.EISDIR, path)
-    if path.exists() and not os.access(path, os.W_OK):  # a file that may not be written may not be replaced
-        raise _error(errno.EACCES, path)
+    if path.is_dir() or (path.exists() and not os.access(path, os.W_OK)):  # what is replaced may be written
+        with path.open("ab"):
+            pass
     if path.is_file() or not path.exists():
         with TemporaryFile(dir=path.parent):
             pass
 
 
 def require_folder(path: Path) -> None:
-    """Refuse a place that is no folder and cannot be made one, or in which nothing can be written.
-
-    Raises:
-        OSError: it is so.
-    """
+    """Raise OSError if ``path`` is no folder and cannot be made one, or nothing can be written in it."""
     if os.path.lexists(path) and not path.is_dir():  # a file, or a link to nowhere
-        raise _error(errno.ENOTDIR, path)
+        raise OSError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
     there = next(place for place in (path.absolute(), *path.absolute().parents) if os.path.lexists(place))
     with TemporaryFile(dir=there):
         pass
@@ -42,9 +33,6 @@ def write_whole(path: Path, content: bytes) -> None:
     """Write a file that takes the place of ``path`` once it is on the disk, and vanishes if it fails.
 
     A device or pipe has nothing to lose and is written directly.
-
-    Raises:
-        OSError: ``path`` is a folder, or no file can be written there.
     """
     path = Path(os.path.realpath(path))
     if path.exists() and not path.is_file():
@@ -63,11 +51,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Give an empty folder that takes the place of ``path`` when the block ends, and vanishes when it fails.
-
-    Raises:
-        OSError: nothing can be written beside ``path``.
-    """
+    """Give an empty folder that takes the place of ``path`` at the block's end, and vanishes if it fails."""
     path = Path(os.path.realpath(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as beside:
@@ -82,7 +66,3 @@ def whole_folder(path: Path) -> Iterator[Path]:
             if old.exists():
                 old.rename(path)
             raise
-
-
-def _error(number: int, path: Path) -> OSError:
-    return OSError(number, os.strerror(number), str(path))

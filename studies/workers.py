@@ -8,15 +8,15 @@ import os
 import pickle
 import signal
 import sys
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import current_process, get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import NamedTemporaryFile
-from threading import Condition, Lock, Thread
+from threading import Lock, Thread
 from typing import Any, TypeVar
 
 from studies.failures import Failed
@@ -25,17 +25,18 @@ T = TypeVar("T")
 #: How a call ended whose process did: by its own doing, at its limit, or by somebody else's.
 CRASHED, TIMED_OUT, KILLED = "crashed", "timed out", "killed from outside"
 #: Signals that no solver sends to itself: the kernel short of memory does, and people do.
-FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP", "SIGINT", "SIGQUIT")
+FROM_OUTSIDE = {
+    signal.SIGTERM,
+    signal.SIGINT,
+    *(getattr(signal, f"SIG{n}", 0) for n in ("KILL", "HUP", "QUIT")),
+}
 #: A process that has not imported what a call needs within this time never will; one that has closed its pipe
 #: is dead within that time, in s.
 BEGINNING_S, DYING_S = 600.0, 5.0
 #: The exit code of a process that imports a script which calls for processes itself.
 NO_MAIN_GUARD = 113
-BEGUN = b"begun"
 #: What keeps the current folder out of the path of a Python that starts, from 3.11 on.
 SAFE_PATH = "PYTHONSAFEPATH"
-#: Nothing is compiled for longer, in s: what takes so long runs, or hangs.
-PATIENCE_S = 60.0
 #: Of the last line that a process said, so many characters are told.
 SHOWN_WORDS = 200
 #: Held while a child begins or ends: two threads at once would take each other's exit codes.
@@ -47,11 +48,10 @@ class Ended(Exception):
 
     def __init__(self, status: str, reason: str) -> None:
         super().__init__(status, reason)
-        self.status, self.reason = status, reason
+        self.status = status
 
     def __str__(self) -> str:
-        """Return the reason."""
-        return self.reason
+        return str(self.args[1])
 
 
 class Worker:
@@ -94,22 +94,20 @@ class Worker:
             raise Ended(KILLED, "the run has ended")
         if self._process is None:
             self._begin()
-        begun = False
+        begun, answer = False, b""
         try:
             self._pipe.send_bytes(pickle.dumps((call, args)))
-            for limit in (BEGINNING_S, limit_s):
+            while not answer:  # of no bytes it says that the call begins
+                limit = limit_s if begun else BEGINNING_S
                 if not self._pipe.poll(limit):
                     self._end()
                     raise Ended(TIMED_OUT, f"not finished within the limit of {limit:g} s")
-                answer = self._pipe.recv_bytes()
-                if not begun and answer != BEGUN:
-                    break  # it could not read the call
-                begun = True
+                answer, begun = self._pipe.recv_bytes(), True
         except (EOFError, OSError):
-            status, reason = self._death()
-            if not begun and status != KILLED:
-                raise Failed(f"no process can begin: {reason}") from None
-            raise Ended(status, reason) from None
+            end = self._death()
+            if not begun and end.status != KILLED:
+                raise Failed(f"no process can begin: {end}") from None
+            raise end from None
         value: T
         value, error = pickle.loads(answer)
         if error is not None:
@@ -138,8 +136,8 @@ class Worker:
         self._words.close()
         return int(process.exitcode)
 
-    def _death(self) -> tuple[str, str]:
-        """Return status and reason of a process that has closed its pipe."""
+    def _death(self) -> Ended:
+        """Return how a process ended that has closed its pipe."""
         self._process.join(DYING_S)
         said = Path(self._words.name).read_text(encoding="utf-8", errors="replace").strip().splitlines()
         code = self._end()
@@ -147,11 +145,9 @@ class Worker:
             guard = 'if __name__ == "__main__":'
             reason = f"script: expected this call under {guard}, since every process imports the script"
             raise Failed(reason) from None
-        signals = {number.value: number.name for number in signal.Signals}
-        name = signals.get(-code, f"signal {-code}")
-        how = f"killed by {name}" if code < 0 else f"ended with exit code {code}"
+        how = f"ended with exit code {code}" if code >= 0 else f"killed by {signal.Signals(-code).name}"
         reason = f"{how}: {said[-1][:SHOWN_WORDS]}" if said else how
-        return (KILLED if code < 0 and name in FROM_OUTSIDE else CRASHED), reason
+        return Ended(KILLED if -code in FROM_OUTSIDE else CRASHED, reason)
 
 
 class Pool:
@@ -178,41 +174,21 @@ class Pool:
     def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
         """Yield every item, which has a ``limit_s``, and what its call gave, as it ends.
 
-        Of items that need the same machine code, named in ``compiles``, the first runs beside none of the
-        others: on a machine without it they would all compile it, or wait.
-
         Raises:
             Exception: what a call raised other than ``Ended``.
         """
-        waiting = deque((item, item.compiles) for item in items)
-        count, compiling, compiled, changed = len(waiting), Counter[Any](), set[Any](), Condition()
-        done: SimpleQueue[tuple[Any, Any]] = SimpleQueue()
-
-        def take() -> Any:
-            """Return what compiles nothing that another one does now, None when all are taken."""
-            with changed:
-                while waiting:
-                    for item, parts in waiting:
-                        if not any(compiling[part] for part in parts - compiled):
-                            compiling.update(parts)
-                            waiting.remove((item, parts))
-                            return item, parts
-                    if not changed.wait(PATIENCE_S):
-                        compiled.update(compiling)
-            return None
+        waiting, done = deque(items), SimpleQueue[tuple[Any, Any]]()
+        count = len(waiting)
 
         def work(worker: Worker) -> None:
-            while (taken := take()) is not None:
-                item, parts = taken
-                try:
-                    result: Any = worker.run(call, item, limit_s=item.limit_s)
-                except BaseException as error:
-                    result = error
-                with changed:
-                    compiling.subtract(parts)
-                    compiled.update(parts)
-                    changed.notify_all()
-                done.put((item, result))
+            with suppress(IndexError):  # none is left
+                while True:
+                    item = waiting.popleft()
+                    try:
+                        result: Any = worker.run(call, item, limit_s=item.limit_s)
+                    except BaseException as error:
+                        result = error
+                    done.put((item, result))
 
         for worker in self._workers[:count]:
             Thread(target=work, args=(worker,), daemon=True).start()
@@ -223,9 +199,7 @@ class Pool:
                     raise result
                 yield item, result
         finally:
-            with changed:
-                waiting.clear()
-                changed.notify_all()
+            waiting.clear()
 
 
 @contextmanager
@@ -266,7 +240,7 @@ def _serve(calls: Connection, words: str) -> None:
         os.ftruncate(2, 0)
         try:
             call, args = pickle.loads(message)
-            calls.send_bytes(BEGUN)
+            calls.send_bytes(b"")
             answer = pickle.dumps((call(*args), None))
         except Exception as error:
             answer = _pickled(error)
@@ -286,9 +260,7 @@ def _pickled(error: Exception) -> bytes:
 def _end_with_parent() -> None:
     """End this process as soon as its parent is no more, even if that was killed."""
     parent = parent_process()
-    if parent is None:
-        return
-    if sys.platform == "linux":
+    if sys.platform == "linux" and parent is not None:
         # The kernel ends us when the parent's end of this pipe closes; a thread could not do so while
         # native code holds the interpreter's lock, for ever if it hangs.
         import fcntl
@@ -298,5 +270,5 @@ def _end_with_parent() -> None:
         fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, os.O_ASYNC)
         if wait([parent.sentinel], timeout=0):
             os._exit(1)
-    else:
+    elif parent is not None:
         Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True).start()

@@ -8,15 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, ParamSpec, TypeVar, get_type_hints
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    create_model,
-)
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError, validate_call
 
 from engine_models.scene.plain_words import BadInput, expect, refusal
 from engine_models.scene.units import NUMBER, in_unit
@@ -27,6 +19,8 @@ R = TypeVar("R")
 STRICT = ConfigDict(strict=True, allow_inf_nan=False, arbitrary_types_allowed=True)
 #: NumPy's kinds of numbers and text; times, which would pass for numbers without their unit, are none.
 PLAIN_KINDS = "biufOU"
+#: An integer of more digits is none that anybody means.
+MOST_DIGITS = 20
 
 
 def _has_a_name(place: str | Path) -> str | Path:
@@ -36,25 +30,19 @@ def _has_a_name(place: str | Path) -> str | Path:
     return place
 
 
-#: Where a file or a folder is, or is to be.
-Place = Annotated[str | Path, AfterValidator(_has_a_name), expect("a path")]
-
-
 def in_words(unit: str = "") -> Any:
     """Return what in an annotation takes a number as text too, and with a unit."""
 
     def number(value: object) -> object:
-        if not isinstance(value, str):
-            return value
-        if NUMBER.fullmatch(value):
+        if isinstance(value, str) and NUMBER.fullmatch(value):
             return int(value) if value.isdigit() and len(value) < MOST_DIGITS else float(value)
-        return in_unit(value, unit) if unit else value
+        return in_unit(value, unit) if unit and isinstance(value, str) else value
 
     return BeforeValidator(number)
 
 
-#: An integer of more digits is none that anybody means.
-MOST_DIGITS = 20
+#: Where a file or a folder is, or is to be.
+Place = Annotated[str | Path, AfterValidator(_has_a_name), expect("a path")]
 #: Times in s, lengths in m and counts as people type them.
 Seconds = Annotated[float, Field(gt=0, ge=1e-100), in_words("s")]
 Metres = Annotated[float, Field(gt=0), in_words("m")]
@@ -69,40 +57,31 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
         BadInput: an argument is missing, unknown or of another kind.
     """
     signature = inspect.signature(function)
-    parameters = {name: each for name, each in signature.parameters.items() if name != "self"}
-
-    @cache
-    def model() -> type[BaseModel]:
-        kinds: dict[str, Any] = {name: (each.annotation, None) for name, each in parameters.items()}
-        return create_model("Arguments", __config__=STRICT, **kinds)
+    kinds = {name: each.annotation for name, each in signature.parameters.items() if name != "self"}
+    strict = cache(lambda: validate_call(config=STRICT)(function))  # built as late as it is called
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        name = function.__name__
         try:
-            bound = signature.bind(*args, **kwargs)
+            given = signature.bind(*args, **kwargs).arguments
         except TypeError as reason:
             got = str(reason).removeprefix("got ").replace("missing a", "no", 1)
-            expected = f"{function.__name__}: expected {', '.join(parameters) or 'no arguments'}"
+            expected = f"{name}: expected {', '.join(kinds) or 'no arguments'}"
             raise BadInput(f"{expected}, got a call with {got}") from None
-        given = {name: value for name, value in bound.arguments.items() if name != "self"}
         try:
-            valid = model().model_validate({name: plain(value) for name, value in given.items()})
+            result: R = strict()(**{key: plain(value) for key, value in given.items()})  # type: ignore[call-arg]
         except ValidationError as error:
             raise BadInput(refusal(error, given)) from None
         except RecursionError:
-            expected = f"{function.__name__}: expected values of a few levels"
-            raise BadInput(f"{expected}, got too many inside each other") from None
-        bound.arguments.update((name, getattr(valid, name)) for name in given)
-        return function(*bound.args, **bound.kwargs)
+            raise BadInput(
+                f"{name}: expected values of a few levels, got too many inside each other"
+            ) from None
+        return result
 
-    hints = get_type_hints(
-        SimpleNamespace(__annotations__={n: it.annotation for n, it in parameters.items()})
-    )
-    shown = [
-        each.replace(annotation=hints.get(name, each.annotation))
-        for name, each in signature.parameters.items()
-    ]
-    checked.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
+    hints = get_type_hints(SimpleNamespace(__annotations__=kinds))  # as people read them
+    parameters = [each.replace(annotation=hints.get(each.name)) for each in signature.parameters.values()]
+    checked.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return checked
 
 

@@ -4,14 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from engine_models.scene.format import (
-    PlacedStart,
-    Sections,
-    TableDrive,
-    TorqueDrive,
-    require,
-    require_known,
-)
+from engine_models.scene.format import PlacedStart, Sections, TableDrive, TorqueDrive, require, require_known
 from engine_models.scene.mechanism import levers_m, mechanism_data, pins_of, point_of
 from engine_models.scene.plain_words import one_of
 
@@ -24,17 +17,13 @@ def check_parts(scene: Sections) -> None:
     """Raise ValueError, with the entry and what was expected, where parts do not fit each other."""
     pins = pins_of(scene)
     _check_names(scene, pins)
-    _check_clearances(scene, pins)
-    _check_observed(scene, pins)
+    _check_pins(scene, pins)
+    _check_drive(scene)
     _check_loads(scene)
-    _check_time_tables(scene)
     _check_start(scene)
-    _check_pins_alone(scene, pins)
-    _check_sizes(scene)
 
 
 def _check_names(scene: Sections, pins: Mapping[str, list[str]]) -> None:
-    """Refuse names that are taken, and those of bodies, guides and pins that are none."""
     taken = ("ground", *PlacedStart.model_fields)
     for name in scene.body:
         require(name not in taken, f"body.{name}", f"a name other than {one_of([*taken])}", name)
@@ -50,27 +39,6 @@ def _check_names(scene: Sections, pins: Mapping[str, list[str]]) -> None:
             require_known(f"spring.{name}.between.{place}", end, ends, "a pin with its body")
         first, second = (end.partition(".")[0] for end in spring.between)
         require(first != second, f"spring.{name}.between", "pins of two bodies", spring.between)
-    if scene.drive.guide is not None:
-        require_known("drive.guide", scene.drive.guide, scene.guide, "a guide")
-    else:
-        require_known("drive.body", scene.driven, scene.body, "a body")
-        guides = [guide for guide in scene.guide.values() if guide.body == scene.driven and not guide.turns]
-        turns = scene.drive.kind == "free" or all(guide.on != "ground" for guide in guides)
-        require(turns, "drive.body", "a body that can turn, which no guide of the ground holds", scene.driven)
-
-
-def _check_clearances(scene: Sections, pins: Mapping[str, list[str]]) -> None:
-    two = [name for name, bodies in pins.items() if len(bodies) == 2]
-    for name, room in scene.clearance.items():
-        bodies = pins.get(name, [])
-        expected = "a pin of two bodies (give the bodies two pins at one place)"
-        require(len(bodies) <= 2, f"clearance.{name}", expected, one_of(bodies))
-        require_known(f"clearance.{name}", name, two, "a pin of two bodies")
-        if room.bearing is not None:
-            require_known(f"clearance.{name}.bearing", room.bearing, bodies, f"what has pin {name}")
-
-
-def _check_observed(scene: Sections, pins: Mapping[str, list[str]]) -> None:
     axis = scene.observe.rpartition(".")[2]
     require(axis in AXES, "observe", f"a name and, after a dot, {one_of([*AXES])}", scene.observe)
     of_bodies = [pin for pin in pins if pins[pin] != ["ground"]]
@@ -79,6 +47,49 @@ def _check_observed(scene: Sections, pins: Mapping[str, list[str]]) -> None:
     require_known("observe", scene.observe, [f"{each}.{axis}" for each in choices], what)
     if scene.turning:
         require_known("turning", scene.turning, scene.body, "a body")
+
+
+def _check_pins(scene: Sections, pins: Mapping[str, list[str]]) -> None:
+    """Refuse a pin that nothing uses, and clearances of no joint, or larger than it."""
+    used = {guide.pin for guide in scene.guide.values()} | {scene.observe.rpartition(".")[0]}
+    used |= {end.partition(".")[2] for spring in scene.spring.values() for end in spring.between}
+    for pin, bodies in pins.items():
+        place = "ground" if bodies[0] == "ground" else f"body.{bodies[0]}"
+        expected = f"a pin that another body or the ground has too ({', '.join(pins)})"
+        require(len(bodies) > 1 or pin in used, f"{place}.pins_m.{pin}", expected, "it here alone")
+    places = [[point_of(scene, name, pin) for pin in body.pins_m] for name, body in scene.body.items()]
+    between = [math.dist(a, b) for own in places for a in own for b in own]
+    longest = max(*levers_m(mechanism_data(scene)), *between) if scene.clearance else 0.0
+    two = [name for name, bodies in pins.items() if len(bodies) == 2]
+    for name, room in scene.clearance.items():
+        bodies, c = pins.get(name, []), room.radial_clearance_m
+        require_known(
+            f"clearance.{name}", name, two, "a pin of two bodies, of two at one place where three meet"
+        )
+        require_known(f"clearance.{name}.bearing", room.bearing or bodies[0], bodies, f"what has pin {name}")
+        expected = f"a number < {longest:g}, the largest distance between two joints of a body"
+        require(c < longest or not longest, f"clearance.{name}.radial_clearance_m", expected, c)
+
+
+def _check_drive(scene: Sections) -> None:
+    """Refuse a drive of what is not there or cannot turn, and tables shorter than the scene."""
+    drive, begin_s = scene.drive, scene.start.time_s
+    if drive.guide is not None:
+        require_known("drive.guide", drive.guide, scene.guide, "a guide")
+    else:
+        require_known("drive.body", scene.driven, scene.body, "a body")
+    on_ground = {guide.body for guide in scene.guide.values() if guide.on == "ground" and not guide.turns}
+    turns = drive.kind == "free" or scene.driven not in on_ground
+    require(turns, "drive.body", "a body that can turn, which no guide of the ground holds", scene.driven)
+    end_s = begin_s + scene.end_time_s
+    tables: dict[str, Any] = {f"load.{name}.by_time": load.by_time for name, load in scene.load.items()}
+    tables["drive"] = drive if isinstance(drive, TableDrive | TorqueDrive) else None
+    for path, table in tables.items():
+        if table is not None and (time := table.time_s) is not None:
+            expected = f"a number <= {begin_s:g}, when the scene begins"
+            require(time[0] <= begin_s, f"{path}.time_s.0", expected, time[0])
+            lasts, last = time[-1] >= end_s * (1 - ROUND_OFF), f"{path}.time_s.{len(time) - 1}"
+            require(lasts, last, f"at least {end_s:g}, when the scene ends", time[-1])
 
 
 def _check_loads(scene: Sections) -> None:
@@ -90,30 +101,15 @@ def _check_loads(scene: Sections) -> None:
             require_known(f"{path}.guide", load.guide, guides, f"a guide of {name}")
         one = load.guide is not None or len(guides) < 2 or not load.has_forces
         require(one, f"{path}.guide", one_of(guides), None)
-        by_angle, came = load.has_forces and not guides, load.along_rad
-        expected = "a number for a force on a body without a guide, and only there"
-        require((came is not None) == by_angle, f"{path}.along_rad", expected, came)
+        told, expected = (
+            load.along_rad is not None,
+            "a number for a force on a body without a guide, and only there",
+        )
+        require(told == (load.has_forces and not guides), f"{path}.along_rad", expected, load.along_rad)
         if load.gas is not None:
             body = load.gas.body or scene.drive.body
             require(body is not None, f"{path}.gas.body", "a body, or drive.body", None)
             require_known(f"{path}.gas.body", str(body), scene.body, "a body")
-
-
-def _check_time_tables(scene: Sections) -> None:
-    """Refuse tables over time that do not last from the start of a scene to its end."""
-    begin_s, drive = scene.start.time_s, scene.drive
-    end_s = begin_s + scene.end_time_s
-    tables: dict[str, Any] = {
-        f"load.{name}.by_time": load.by_time for name, load in scene.load.items() if load.by_time
-    }
-    if isinstance(drive, TableDrive | TorqueDrive) and drive.time_s is not None:
-        tables["drive"] = drive
-    for path, table in tables.items():
-        time = table.time_s
-        expected = f"a number <= {begin_s:g}, when the scene begins"
-        require(time[0] <= begin_s, f"{path}.time_s.0", expected, time[0])
-        lasts, last = time[-1] >= end_s * (1 - ROUND_OFF), f"{path}.time_s.{len(time) - 1}"
-        require(lasts, last, f"at least {end_s:g}, when the scene ends", time[-1])
 
 
 def _check_start(scene: Sections) -> None:
@@ -131,24 +127,3 @@ def _check_start(scene: Sections) -> None:
     for key in ("angle_rad", "position_m", "hold") if start.states else ():
         came = getattr(start, key)
         require(not came, f"start.{key}", "nothing beside the state of every body", came)
-
-
-def _check_pins_alone(scene: Sections, pins: Mapping[str, list[str]]) -> None:
-    """Refuse a pin that one body alone has and nothing uses."""
-    used = {guide.pin for guide in scene.guide.values()} | {scene.observe.rpartition(".")[0]}
-    used |= {end.partition(".")[2] for spring in scene.spring.values() for end in spring.between}
-    for pin, bodies in pins.items():
-        place = "ground" if bodies[0] == "ground" else f"body.{bodies[0]}"
-        expected = f"a pin that another body or the ground has too ({', '.join(pins)})"
-        require(len(bodies) > 1 or pin in used, f"{place}.pins_m.{pin}", expected, "it here alone")
-
-
-def _check_sizes(scene: Sections) -> None:
-    """Refuse clearances larger than the mechanism, whose units are others."""
-    places = [[point_of(scene, name, pin) for pin in body.pins_m] for name, body in scene.body.items()]
-    between = [math.dist(a, b) for own in places for a in own for b in own]
-    longest = max(*levers_m(mechanism_data(scene)), *between)
-    for name, room in scene.clearance.items():
-        expected = f"a number < {longest:g}, the largest distance between two joints of a body"
-        c = room.radial_clearance_m
-        require(c < longest or not longest, f"clearance.{name}.radial_clearance_m", expected, c)

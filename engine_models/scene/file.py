@@ -74,12 +74,8 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
 
 def _is_changed(lines: Mapping[str, int], field: str, changes: Iterable[str]) -> bool:
     """Return whether a field has its value by a change, or is not in the text, but beside or above one."""
-    section = field.rpartition(".")[0]
-    return any(
-        f"{field}.".startswith(f"{path}.")
-        or (field not in lines and path.startswith((f"{field}.", f"{section or field}.")))
-        for path in changes
-    )
+    beside = field if field in lines else f"{field.rpartition('.')[0] or field}."
+    return any(f"{field}.".startswith(f"{path}.") or path.startswith(beside) for path in changes)
 
 
 def sources(path: Path, changes: Fields = NONE) -> list[Path]:

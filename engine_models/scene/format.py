@@ -6,7 +6,7 @@ may be text with another one: ``"50 mm"``.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NoReturn, TypeVar
@@ -27,49 +27,33 @@ Kind = TypeVar("Kind", bound="SceneData")
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
-#: Within less time nothing happens, and steps are lost below the least numbers there are.
-Duration = Annotated[float, Field(gt=0, ge=1e-100)]
 #: Beyond 1e6 an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
 Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
+#: What a drive's clock may read at the start: later, its own spacing is more than 1e-12 s.
+Clock = Annotated[float, Field(ge=0, le=1e4)]
 #: Columns of a table; a list in a file.
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
-#: The name of a body, a pin, a guide or a spring.
-PartName = Annotated[
-    str,
-    Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$"),
-    expect("a name of letters, digits, _ and -, a letter first"),
-]
-#: A mapping of names to parts or numbers in a file.
-Named = dict[PartName, Value]
 Pair = Annotated[tuple[float, float], Field(strict=False), expect("a list of two numbers")]
 #: A place in a body's own axes.
 Place = Annotated[float | Pair, expect("a finite number or a list of two")]
-#: What a drive's clock may read at the start: later, its own spacing is more than 1e-12 s.
-Clock = Annotated[float, Field(ge=0, le=1e4)]
-#: Names begin cells of CSV files, and spreadsheets run what begins as a formula does.
-Name = Annotated[
-    str,
-    Field(pattern=r"^[^\s=+\-@＝＋－＠]"),
-    expect("a string that is not empty and begins with neither a blank nor =, +, - or @"),
-]
-Gravity = Annotated[NonNegative | Pair, expect("a finite number >= 0 or a list of two")]
+LETTERS = "a name of letters, digits, _ and -, a letter first"
+#: The name of a body, a pin, a guide or a spring; and parts or numbers by such names.
+PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$"), expect(LETTERS)]
+Named = dict[PartName, Value]
+PRINTED = "a string that is not empty and begins with neither a blank nor =, +, - or @"
 
 TURN = 2 * math.pi
 #: A revolution in a table may be off by as much as five typed digits are, in rad; its forces by rounding.
 REVOLUTION_RAD, CLOSES = 1e-4, 1e-9
 #: Speeds of straight lines that differ by less than this part of the fastest are one, but for typed digits.
 SAME_SPEED = 1e-6
-#: The units of the slopes at a table's ends, by the first of these columns that it has.
-SLOPES = {
-    "position_m": "m/s",
-    "angle_rad": "rad/s",
-    "force_N": "N/s",
-    "speed_rad_s": "N m s/rad",
-    "torque_N_m": "N m/s",
-}
+#: Steps of a table of whose cubes both the inverse and the product with any force are numbers.
+STEPS = 1e-60, 1e60
 #: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
 FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
+#: The units of the slopes at a table's ends, by the first of these columns that it has.
+SLOPES = {"position_m": "m/s", "angle_rad": "rad/s", "force_N": "N/s", "speed_rad_s": "N m s/rad"}
 
 #: Laws with a damping, and all laws: those of a function of their own, and those of a factor a(e), are named
 #: where the solver has them.
@@ -103,11 +87,6 @@ def require(holds: bool, field: str, expected: str, came: object) -> None:
         refuse(field, expected, came)
 
 
-def require_presence(needed: bool, field: str, came: object, when: str) -> None:
-    """Refuse what is missing where it is needed, or there where it has no use."""
-    require((came is not None) == needed, field, f"{'a value' if needed else 'nothing'} {when}", came)
-
-
 def require_known(path: str, name: str, choices: Iterable[str], what: str) -> None:
     """Refuse a name that is none of the choices."""
     choices = list(choices)
@@ -130,7 +109,7 @@ class SceneData(BaseModel):
             missing = [name for name, field in known.items() if field.is_required() and name not in data]
             reasons = [f"{name}: expected a value, got nothing" for name in missing]
             raise SceneError(*reasons, *(unknown_key(key, known) for key in data if key not in known))
-        slopes = next((unit for column, unit in SLOPES.items() if data.get(column) is not None), "rad/s")
+        slopes = next((unit for column, unit in SLOPES.items() if data.get(column) is not None), "N m/s")
         exponent = data.get("exponent") or (1 if data.get("law") in LINEAR_LAWS else HERTZ_EXPONENT)
         return in_own_units(data, end_slopes=slopes, stiffness=f"N/m^{exponent}")
 
@@ -159,6 +138,16 @@ class SceneData(BaseModel):
         """
         return self.checked(self.as_written() | dict(update or {}))
 
+    def require(self, holds: bool, name: str, expected: str) -> None:
+        """Refuse a field unless a condition on it holds."""
+        require(holds, name, expected, getattr(self, name))
+
+    def require_if(self, needed: bool, name: str, when: str) -> None:
+        """Refuse a field that is missing where it is needed, or there where it has no use."""
+        self.require(
+            (getattr(self, name) is not None) == needed, name, f"{'a value' if needed else 'nothing'} {when}"
+        )
+
 
 def _or_a_file(schema: dict[str, Any], kind: "type[Table]") -> None:
     """Let the JSON schema of a table have a file in place of lists."""
@@ -170,10 +159,7 @@ def _or_a_file(schema: dict[str, Any], kind: "type[Table]") -> None:
 
 
 class Table(SceneData):
-    """Columns of numbers, with a cubic spline between them, or straight lines.
-
-    ``file = "drive.csv"`` stands for the lists.
-    """
+    """Columns of numbers, with a cubic spline between them, or straight lines; or a ``file`` of them."""
 
     model_config = ConfigDict(json_schema_extra=_or_a_file)
 
@@ -189,8 +175,12 @@ class Table(SceneData):
             return data
         file, beside = data["file"], [name for name in cls.COLUMNS if name in data]
         require(not beside, "file", f"nothing beside {one_of(beside)}", file)
-        is_name = isinstance(file, str) and file.isprintable() and file != ""
-        require(is_name, "file", "the name of a CSV file", file)
+        require(
+            isinstance(file, str) and file.isprintable() and file != "",
+            "file",
+            "the name of a CSV file",
+            file,
+        )
         try:
             columns = read_columns((info.context or {}).get("folder", Path()) / file, cls.COLUMNS)
         except BadFile as reason:
@@ -204,28 +194,17 @@ class Table(SceneData):
 
     def require_table(self, x_name: str, y_name: str) -> None:
         """Refuse columns that are missing, too short, of other lengths, or do not rise; and bad slopes."""
-        x: Sequence[float] | None = getattr(self, x_name)
-        y: Sequence[float] | None = getattr(self, y_name)
-        if x is None or y is None:
-            refuse(x_name if x is None else y_name, "a list of numbers", None)
-        fewest = FEWEST_POINTS[self.interpolation]
+        for name in (x_name, y_name):
+            self.require_if(True, name, "for a table")
+        x, y, fewest = getattr(self, x_name), getattr(self, y_name), FEWEST_POINTS[self.interpolation]
         require(len(x) >= fewest, x_name, f"at least {fewest} numbers", len(x))
         require(len(y) == len(x), y_name, f"as many numbers as {x_name} has, {len(x)}", len(y))
         for place, (before, after) in enumerate(pairwise(x), 1):
-            require(after > before, f"{x_name}.{place}", f"a number > {before:g}, the one before", after)
-            expected = f"a number neither at {before:g} nor endlessly far from it"
-            require(_has_cubic(after - before, y[place] - y[place - 1]), f"{x_name}.{place}", expected, after)
+            rises = STEPS[0] < after - before < STEPS[1]
+            require(rises, f"{x_name}.{place}", f"a number > {before:g}, the one before", after)
         slopes = getattr(self, "end_slopes", None)
         is_spline = slopes is None or self.interpolation == "spline"
         require(is_spline, "end_slopes", "nothing with interpolation = 'linear'", slopes)
-
-
-def _has_cubic(step: float, rise: float) -> bool:
-    """Return whether coefficients of a cubic that rises so far within a step are finite numbers."""
-    try:
-        return math.isfinite(step**3) and math.isfinite((1.0 + abs(rise)) / step**3)
-    except (OverflowError, ZeroDivisionError):
-        return False
 
 
 # Bodies, guides, springs
@@ -274,9 +253,9 @@ class Spring(SceneData):
 
 
 class Friction(SceneData):
-    """Friction in a joint with clearance; the dead band belongs to Ambrosio's law alone.
+    """Friction in a joint with clearance, which rises over ``regularisation_speed_m_s`` from rest.
 
-    The force of each law rises over ``regularisation_speed_m_s`` from rest.
+    The dead band belongs to Ambrosio's law alone.
     """
 
     law: FrictionLaw
@@ -286,10 +265,10 @@ class Friction(SceneData):
 
     @model_validator(mode="after")
     def _dead_band_belongs_to_ambrosio(self) -> "Friction":
-        dead_band, limit = self.dead_band_speed_m_s, self.regularisation_speed_m_s
-        require_presence(self.law == "ambrosio", "dead_band_speed_m_s", dead_band, f"with law = '{self.law}'")
-        expected = f"a number < regularisation_speed_m_s = {limit:g}"
-        require(dead_band is None or dead_band < limit, "dead_band_speed_m_s", expected, dead_band)
+        name, limit = "dead_band_speed_m_s", self.regularisation_speed_m_s
+        self.require_if(self.law == "ambrosio", name, f"with law = '{self.law}'")
+        below = (self.dead_band_speed_m_s or 0.0) < limit
+        self.require(below, name, f"a number < regularisation_speed_m_s = {limit:g}")
         return self
 
 
@@ -318,25 +297,27 @@ class Clearance(SceneData):
 
     @model_validator(mode="after")
     def _hangs_together(self) -> "Clearance":
-        law, e, c, radius = self.law, self.restitution, self.radial_clearance_m, self.bearing_radius_m
-        require(c < radius, "radial_clearance_m", f"a number < bearing_radius_m = {radius:g}", c)
-        when = f"with law = '{law}'"
-        rigid, by_material = law == "rigid", law != "rigid" and self.stiffness is None
-        require(not rigid or self.stiffness is None, "stiffness", f"nothing {when}", self.stiffness)
-        stiff = when if rigid else f"{'without' if by_material else 'beside'} stiffness"
-        require_presence(by_material, "young_modulus_Pa", self.young_modulus_Pa, stiff)
-        require_presence(by_material, "poisson_ratio", self.poisson_ratio, stiff)
-        require_presence(law in DAMPED_LAWS, "damping_N_s_m", self.damping_N_s_m, when)
-        require_presence(rigid or law in DAMPING_FACTORS, "restitution", e, when)
-        if e == 0 and law in DAMPING_FACTORS:
+        radius, rigid, when = self.bearing_radius_m, self.law == "rigid", f"with law = '{self.law}'"
+        dissipates, is_linear = self.law in DAMPING_FACTORS, self.law in (*LINEAR_LAWS, "rigid")
+        below = self.radial_clearance_m < radius
+        self.require(below, "radial_clearance_m", f"a number < bearing_radius_m = {radius:g}")
+        self.require(self.stiffness is None or not rigid, "stiffness", f"nothing {when}")
+        by_material = not rigid and self.stiffness is None
+        for name in ("young_modulus_Pa", "poisson_ratio"):
+            self.require_if(
+                by_material,
+                name,
+                when if rigid else "in place of stiffness" if by_material else "beside stiffness",
+            )
+        self.require_if(self.law in DAMPED_LAWS, "damping_N_s_m", when)
+        self.require_if(dissipates or rigid, "restitution", when)
+        if dissipates and self.restitution == 0:
             try:
-                DAMPING_FACTORS[law](0.0)
+                DAMPING_FACTORS[self.law](0.0)
             except ZeroDivisionError:
-                refuse("restitution", f"a number > 0 {when}", e)
-        can_pull = not self.may_pull or law in DAMPING_FACTORS
-        require(can_pull, "may_pull", f"false or nothing {when}", self.may_pull)
-        fits = self.exponent in (None, 1.0) or law not in (*LINEAR_LAWS, "rigid")
-        require(fits, "exponent", f"1 or nothing {when}", self.exponent)
+                refuse("restitution", f"a number > 0 {when}", 0.0)
+        self.require(dissipates or not self.may_pull, "may_pull", f"false or nothing {when}")
+        self.require(not is_linear or self.exponent in (None, 1.0), "exponent", f"1 or nothing {when}")
         return self
 
     def data(self) -> data.ClearanceData:
@@ -351,7 +332,7 @@ class Clearance(SceneData):
 
 
 class Cylinder(Table):
-    """A force by an angle: a periodic spline, or straight lines, over one revolution, or two.
+    """A force by an angle, as a periodic spline or straight lines, over one revolution or two.
 
     Its last entry is the first again.
     """
@@ -361,24 +342,22 @@ class Cylinder(Table):
     @property
     def by_angle(self) -> data.Table:
         """The table, which repeats after that of one revolution and two that is nearer to its length."""
-        name = self.COLUMNS[0]
-        angle = getattr(self, name)
+        angle = getattr(self, name := self.COLUMNS[0])
         return self.table(name, "force_N", TURN if angle[-1] - angle[0] < 1.5 * TURN else 2 * TURN)
 
     @model_validator(mode="after")
     def _repeats(self) -> "Cylinder":
-        self.require_table(*self.COLUMNS)
-        name, angle, force, period = self.COLUMNS[0], self.by_angle.x, self.force_N, self.by_angle.period
-        end = angle[0] + period
-        is_period = abs(angle[-1] - end) <= REVOLUTION_RAD
+        self.require_table(name := self.COLUMNS[0], "force_N")
+        angle, force, end = self.by_angle.x, self.force_N, self.by_angle.x[0] + self.by_angle.period
+        is_period, last = abs(angle[-1] - end) <= REVOLUTION_RAD, len(angle) - 1
         expected = (
             f"one revolution or two after the first, {angle[0] + TURN:.6g} or {angle[0] + 2 * TURN:.6g}"
         )
-        require(is_period, f"{name}.{len(angle) - 1}", expected, angle[-1])
+        require(is_period, f"{name}.{last}", expected, angle[-1])
         expected = f"a number < {end:.6g}, where the table repeats"
-        require(angle[-2] < end, f"{name}.{len(angle) - 2}", expected, angle[-2])
+        require(angle[-2] < end, f"{name}.{last - 1}", expected, angle[-2])
         closes = abs(force[-1] - force[0]) <= CLOSES * max(map(abs, force))
-        require(closes, f"force_N.{len(force) - 1}", f"the first one again, {force[0]:g}", force[-1])
+        require(closes, f"force_N.{last}", f"the first one again, {force[0]:g}", force[-1])
         return self
 
 
@@ -404,16 +383,12 @@ class ByTime(Table):
     @model_validator(mode="after")
     def _is_a_table(self) -> "ByTime":
         columns = [name for name in ("force_N", "torque_N_m") if getattr(self, name) is not None]
-        require(bool(columns), "force_N", "it or torque_N_m", None)
+        self.require(columns != [], "force_N", "it or torque_N_m")
         for name in columns:
             self.require_table("time_s", name)
         one = self.end_slopes is None or len(columns) == 1
-        require(one, "end_slopes", "nothing beside both force_N and torque_N_m", self.end_slopes)
+        self.require(one, "end_slopes", "nothing beside both force_N and torque_N_m")
         return self
-
-    def column(self, name: str) -> data.Table | None:
-        """Return a column over time, None if there is none."""
-        return None if getattr(self, name) is None else self.table("time_s", name)
 
 
 class Load(SceneData):
@@ -440,12 +415,11 @@ class Load(SceneData):
 
     @model_validator(mode="after")
     def _is_some(self) -> "Load":
-        kinds = self.model_fields_set - {"free_position_m", "guide", "along_rad"}
-        some = any(getattr(self, name) is not None for name in kinds)
-        require(some, "force_N", "it or another force or torque", None)
+        torques = (self.by_time, self.torque_N_m, self.viscous_N_m_s)
+        some = self.has_forces or any(part is not None for part in torques)
+        self.require(some, "force_N", "it or another force or torque")
         sprung = self.spring_N_m is not None
-        when = f"{'beside' if sprung else 'without'} spring_N_m"
-        require_presence(sprung, "free_position_m", self.free_position_m, when)
+        self.require_if(sprung, "free_position_m", f"{'beside' if sprung else 'without'} spring_N_m")
         return self
 
     @property
@@ -464,8 +438,8 @@ class Load(SceneData):
 class AnyDrive(SceneData):
     """What is driven: a ``body``, the first of the file unless it is named, or a guide's body along it."""
 
-    #: What a drive of a body has, and what one along a guide has in its place; none drives a body alone.
-    FITTING: ClassVar[tuple[str, str] | None] = None
+    #: What a drive of a body has, and what one along a guide has in its place.
+    FITTING: ClassVar[tuple[str, ...]] = ()
 
     kind: str
     body: PartName | None = None
@@ -473,30 +447,18 @@ class AnyDrive(SceneData):
 
     @model_validator(mode="after")
     def _drives_one_thing(self) -> "AnyDrive":
-        require(self.guide is None or self.body is None, "body", "nothing beside guide", self.body)
-        turns = self.kind in ("torque", "motor")
-        require(
-            self.guide is None or not turns,
-            "guide",
-            "nothing with a torque, which acts on a body",
-            self.guide,
-        )
-        if self.FITTING is not None:
-            name, when = self.fitting, "without guide" if self.guide is None else "beside guide"
-            other = next(each for each in self.FITTING if each != name)
-            require_presence(False, other, getattr(self, other), when)
-            require_presence(True, name, getattr(self, name), when)
+        self.require(self.guide is None or self.body is None, "body", "nothing beside guide")
+        along = self.guide is None or self.kind not in ("torque", "motor")
+        self.require(along, "guide", "nothing with a torque, which acts on a body")
+        when = "without guide" if self.guide is None else "beside guide"
+        for name in sorted(self.FITTING, key=lambda name: name == self.fitting):
+            self.require_if(name == self.fitting, name, when)
         return self
 
     @property
     def fitting(self) -> str:
         """The name of the field that fits what is driven."""
-        assert self.FITTING is not None
         return self.FITTING[self.guide is not None]
-
-    def law(self, speed: float) -> data.DriveLaw | None:  # noqa: ARG002
-        """Return the law of the drive, whose start has a speed in rad/s or m/s; None drives nothing."""
-        return None
 
 
 class FreeDrive(AnyDrive):
@@ -509,10 +471,6 @@ class ConstantSpeedDrive(AnyDrive):
     """What is driven keeps the speed that it starts with."""
 
     kind: Literal["constant-speed"]
-
-    def law(self, speed: float) -> data.DriveLaw:
-        """Return the law of the drive."""
-        return data.ConstantSpeed(speed)
 
 
 class RampDrive(AnyDrive):
@@ -528,16 +486,11 @@ class RampDrive(AnyDrive):
     final_speed_m_s: float | None = None
     ramp_time_s: Positive
 
-    def law(self, speed: float) -> data.DriveLaw:
-        """Return the law of the drive."""
-        return data.Ramp(speed, getattr(self, self.fitting), self.ramp_time_s)
-
 
 class FluctuatingDrive(AnyDrive):
-    """The speed is the start's plus a sine of the clock's t.
+    """The speed is the start's plus ``amplitude_rad_s`` sin(2 pi ``frequency_Hz`` t + ``phase_rad``).
 
-    It is ``amplitude_rad_s`` sin(2 pi ``frequency_Hz`` t + ``phase_rad``). What is slower than 1e-9 Hz is
-    constant for as long as anybody waits.
+    What is slower than 1e-9 Hz is constant for as long as anybody waits.
     """
 
     FITTING = ("amplitude_rad_s", "amplitude_m_s")
@@ -547,10 +500,6 @@ class FluctuatingDrive(AnyDrive):
     amplitude_m_s: NonNegative | None = None
     frequency_Hz: Annotated[float, Field(ge=1e-9)]
     phase_rad: Angle = 0.0
-
-    def law(self, speed: float) -> data.DriveLaw:
-        """Return the law of the drive."""
-        return data.Fluctuation(speed, getattr(self, self.fitting), self.frequency_Hz, self.phase_rad)
 
 
 class TableDrive(AnyDrive, Table):
@@ -578,17 +527,13 @@ class TableDrive(AnyDrive, Table):
         for place, (before, after) in enumerate(pairwise(speeds), 1):
             jump = f"at time_s.{place} the speed would jump from {before:.4g} to {after:.4g}"
             same = abs(after - before) <= SAME_SPEED * max(map(abs, speeds))
-            require(same, "interpolation", f"'spline' ({jump}, by an infinite force)", "linear")
+            self.require(same, "interpolation", f"'spline' ({jump}, by an infinite force)")
         return self
 
     @property
     def course(self) -> data.Table:
         """The angle in rad, or the position in m, over the drive's clock in s."""
         return self.table("time_s", self.fitting)
-
-    def law(self, speed: float) -> data.DriveLaw:  # noqa: ARG002
-        """Return the law of the drive."""
-        return data.Course(self.course)
 
 
 class TorqueDrive(AnyDrive, Table):
@@ -603,16 +548,11 @@ class TorqueDrive(AnyDrive, Table):
 
     @model_validator(mode="after")
     def _is_a_torque(self) -> "TorqueDrive":
-        if isinstance(self.torque_N_m, tuple):
+        by_table = isinstance(self.torque_N_m, tuple)
+        self.require_if(by_table, "time_s", f"{'beside' if by_table else 'without'} a list torque_N_m")
+        if by_table:
             self.require_table(*self.COLUMNS)
-        else:
-            require(self.time_s is None, "time_s", "nothing without a list torque_N_m", self.time_s)
         return self
-
-    def law(self, speed: float) -> data.DriveLaw:  # noqa: ARG002
-        """Return the law of the drive."""
-        torque = self.torque_N_m
-        return data.Torque(self.table(*self.COLUMNS) if isinstance(torque, tuple) else torque)
 
 
 class MotorDrive(AnyDrive, Table):
@@ -634,23 +574,15 @@ class MotorDrive(AnyDrive, Table):
     @model_validator(mode="after")
     def _drives(self) -> "MotorDrive":
         by_table = self.speed_rad_s is not None or self.torque_N_m is not None
-        when = f"{'beside' if by_table else 'without'} a table"
-        stall, speed = self.stall_torque_N_m, self.no_load_speed_rad_s
-        require_presence(not by_table, "stall_torque_N_m", stall, when)
-        require_presence(not by_table, "no_load_speed_rad_s", speed, when)
+        for name in ("stall_torque_N_m", "no_load_speed_rad_s"):
+            self.require_if(not by_table, name, f"{'beside' if by_table else 'without'} a table")
         if by_table:
             self.require_table(*self.COLUMNS)
-        elif stall is not None and speed is not None:
-            require(stall != 0, "stall_torque_N_m", "a number other than 0", stall)
-            expected = "a number of the sign of stall_torque_N_m, not 0"
-            require(speed * math.copysign(1.0, stall) > 0, "no_load_speed_rad_s", expected, speed)
+        stall, speed = self.stall_torque_N_m, self.no_load_speed_rad_s
+        self.require(stall != 0, "stall_torque_N_m", "a number other than 0")
+        same = by_table or math.copysign(1.0, stall or 0.0) * (speed or 0.0) > 0
+        self.require(same, "no_load_speed_rad_s", "a number of the sign of stall_torque_N_m, not 0")
         return self
-
-    def law(self, speed: float) -> data.DriveLaw:  # noqa: ARG002
-        """Return the law of the drive."""
-        if self.speed_rad_s is not None:
-            return data.Motor(table=self.table(*self.COLUMNS))
-        return data.Motor(self.stall_torque_N_m or 0.0, self.no_load_speed_rad_s or 0.0)
 
 
 Drive = Annotated[
@@ -698,11 +630,15 @@ class PlacedStart(SceneData):
 
 
 class Top(SceneData):
-    """The top of a file, in both spellings. Gravity is a number along -y, or a pair along x and y."""
+    """The top of a file, in both spellings. Gravity is a number along -y, or a pair along x and y.
 
-    name: Name
-    end_time_s: Duration
-    gravity_m_s2: Gravity = 0.0
+    Names begin cells of CSV files, and spreadsheets run what begins as a formula does. Within less than
+    1e-100 s nothing happens, and steps are lost below the least numbers there are.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect(PRINTED)]
+    end_time_s: Annotated[float, Field(gt=0, ge=1e-100)]
+    gravity_m_s2: Annotated[NonNegative | Pair, expect("a finite number >= 0 or a list of two")] = 0.0
 
 
 class Sections(Top):
@@ -737,8 +673,8 @@ class Sections(Top):
         ]
         for part, name in later:
             refuse(f"{part}.{name}", "nothing yet, which no engine runs so far", data[part][name])
+        known = [*PlacedStart.model_fields, *names.get("body", ())]
         for name in names.get("start", ()):
-            known = [*PlacedStart.model_fields, *names.get("body", ())]
             require_known(f"start.{name}", name, known, "a key of start or a body")
         return data
 

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from engine_models.scene.format import Load, Place, Sections
+from engine_models.scene import format as form
+from engine_models.scene.format import Guide, Load, Place, Sections, Spring
 from reference_solver.mechanism import data
 from reference_solver.mechanism.data import GROUND, Point
 from reference_solver.tape import FloatArray
@@ -40,32 +41,16 @@ def pins_of(scene: Sections) -> dict[str, list[str]]:
 
 def mechanism_data(scene: Sections) -> data.MechanismData:
     """Return the mechanism by names of a scene whose parts fit each other."""
-
-    def place(name: str, point: Place) -> tuple[int, Point]:
-        return number_of(scene, name), _from_centre(scene, name, point)
-
-    def end(name: str, pin: str) -> tuple[int, Point]:
-        return number_of(scene, name), point_of(scene, name, pin)
-
     bodies = tuple(data.Body(body.mass_kg, body.inertia_kg_m2, name) for name, body in scene.body.items())
-    guides = tuple(
-        data.Guide(*place(it.on, it.through_m), *end(it.body, it.pin), it.angle_rad, name, it.turns)
-        for name, it in scene.guide.items()
-    )
-    springs = tuple(
-        data.Spring(
-            *end(*it.between[0].split(".")),
-            *end(*it.between[1].split(".")),
-            it.stiffness_N_m,
-            it.damping_N_s_m,
-            it.free_length_m,
-            name,
-        )
-        for name, it in scene.spring.items()
-    )
+    guides = tuple(_guide(scene, name, guide) for name, guide in scene.guide.items())
+    springs = tuple(_spring(scene, name, spring) for name, spring in scene.spring.items())
     loads = tuple(_load(scene, name, load, guides) for name, load in scene.load.items())
     drive = _drive(scene, bodies, guides)
     return data.MechanismData(bodies, (*_pins(scene),), guides, springs, loads, drive, scene.gravity)
+
+
+def _end(scene: Sections, name: str, pin: str) -> tuple[int, Point]:
+    return number_of(scene, name), point_of(scene, name, pin)
 
 
 def _pins(scene: Sections) -> Iterator[data.Pin]:
@@ -73,31 +58,40 @@ def _pins(scene: Sections) -> Iterator[data.Pin]:
     for pin, (first, *others) in pins_of(scene).items():
         for other in others:
             name, room = pin if len(others) == 1 else f"{pin}.{other}", scene.clearance.get(pin)
-            i, j = ((number_of(scene, each), point_of(scene, each, pin)) for each in (first, other))
+            ends = *_end(scene, first, pin), *_end(scene, other, pin)
             on_j = room is not None and room.bearing == other
-            yield data.Pin(*i, *j, name, None if room is None else room.data(), on_j)
+            yield data.Pin(*ends, name, None if room is None else room.data(), on_j)
+
+
+def _guide(scene: Sections, name: str, guide: Guide) -> data.Guide:
+    through = number_of(scene, guide.on), _from_centre(scene, guide.on, guide.through_m)
+    return data.Guide(*through, *_end(scene, guide.body, guide.pin), guide.angle_rad, name, guide.turns)
+
+
+def _spring(scene: Sections, name: str, spring: Spring) -> data.Spring:
+    i, j = (_end(scene, *end.split(".")) for end in spring.between)
+    return data.Spring(*i, *j, spring.stiffness_N_m, spring.damping_N_s_m, spring.free_length_m, name)
 
 
 def _load(scene: Sections, name: str, load: Load, guides: tuple[data.Guide, ...]) -> data.Load:
-    body, gas, line, by_time = number_of(scene, name), None, None, load.by_time
-    if load.has_forces:  # along a guide of the body, or along a line through its centre of mass
+    """Return a load: its forces act along a guide of the body, or along a line through its centre of mass."""
+    body, fixed = number_of(scene, name), None
+    if load.has_forces:
         fixed = data.Line(GROUND, (0.0, 0.0), body, (0.0, 0.0), load.along_rad or 0.0)
-        own = (guide for guide in guides if guide.body_j == body and load.guide in (None, guide.name))
-        line = next(own, fixed)
-    if load.gas is not None:
-        gas = data.GasData(number_of(scene, load.gas.body or scene.driven), load.gas.by_angle)
+    own = (it for it in guides if fixed and it.body_j == body and load.guide in (None, it.name))
+    gas, by_time = load.gas, load.by_time
     return data.Load(
         body,
-        line,
+        next(own, fixed),
         load.force_N or 0.0,
         load.viscous_N_s_m or 0.0,
         load.spring_N_m or 0.0,
         load.free_position_m or 0.0,
-        gas,
-        None if by_time is None else by_time.column("force_N"),
+        None if gas is None else data.GasData(number_of(scene, gas.body or scene.driven), gas.by_angle),
+        by_time.table("time_s", "force_N") if by_time and by_time.force_N else None,
         load.torque_N_m or 0.0,
         load.viscous_N_m_s or 0.0,
-        None if by_time is None else by_time.column("torque_N_m"),
+        by_time.table("time_s", "torque_N_m") if by_time and by_time.torque_N_m else None,
     )
 
 
@@ -113,7 +107,29 @@ def _drive(scene: Sections, bodies: tuple[data.Body, ...], guides: tuple[data.Gu
         body, speed = number_of(scene, name), start.speed_rad_s.get(name)
         if speed is None and start.states:
             speed = start.states[name].angular_velocity_rad_s
-    return data.DriveData(body, guide, scene.drive.law(speed or 0.0), start.time_s)
+    return data.DriveData(body, guide, _law(scene.drive, speed or 0.0), start.time_s)
+
+
+def _law(drive: form.Drive, speed: float) -> data.DriveLaw | None:
+    """Return the law of a drive, whose start has a speed in rad/s or m/s."""
+    match drive:
+        case form.ConstantSpeedDrive():
+            return data.ConstantSpeed(speed)
+        case form.RampDrive():
+            return data.Ramp(speed, getattr(drive, drive.fitting), drive.ramp_time_s)
+        case form.FluctuatingDrive():
+            return data.Fluctuation(speed, getattr(drive, drive.fitting), drive.frequency_Hz, drive.phase_rad)
+        case form.TableDrive():
+            return data.Course(drive.course)
+        case form.TorqueDrive(torque_N_m=float(torque)):
+            return data.Torque(torque)
+        case form.TorqueDrive():
+            return data.Torque(drive.table("time_s", "torque_N_m"))
+        case form.MotorDrive(speed_rad_s=None):
+            return data.Motor(drive.stall_torque_N_m or 0.0, drive.no_load_speed_rad_s or 0.0)
+        case form.MotorDrive():
+            return data.Motor(table=drive.table("speed_rad_s", "torque_N_m"))
+    return None
 
 
 def levers_m(of: data.MechanismData) -> list[float]:

@@ -18,7 +18,6 @@ from engine_models.scene.units import NUMBER, unit_of
 
 JsonSchema = dict[str, Any]
 
-NOUNS = {"number": "a finite number", "integer": "an integer", "boolean": "true or false"}
 BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
 SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 NO_TAG = ("union_tag_invalid", "union_tag_not_found")
@@ -56,13 +55,16 @@ def fields(kind: Any) -> dict[str, JsonSchema]:
 
 
 def expectation(schema: JsonSchema) -> str:
-    """Return what a field with this JSON schema takes: ``a finite number > 0``, ``"rk4" or "dop853"``."""
-    if choices := schema.get("anyOf"):
-        return one_of([expectation(choice) for choice in choices if choice["type"] != "null"])
-    if "enum" in schema:
-        return one_of([shown(value) for value in schema["enum"]])
-    bounds = [f"{sign} {schema[name]}" for name, sign in BOUNDS.items() if name in schema]
-    return f"{NOUNS.get(schema['type'], 'a string')} {' and '.join(bounds)}".rstrip()
+    """Return what a field with this JSON schema takes: ``a number > 0``, ``"rk4" or "dop853"``."""
+    choices = [choice for choice in schema.get("anyOf", [schema]) if choice["type"] != "null"]
+    texts = [
+        one_of([*map(shown, choice.get("enum", ()))])
+        or " and ".join(
+            [choice["type"], *(f"{sign} {choice[key]}" for key, sign in BOUNDS.items() if key in choice)]
+        )
+        for choice in choices
+    ]
+    return one_of(texts)
 
 
 def one_of(choices: list[str]) -> str:

@@ -109,27 +109,17 @@ class Scene(Sections):
 
     @property
     def short(self) -> CrankSlider:
-        """The scene in the short spelling.
-
-        Raises:
-            ValueError: it is not written so.
-        """
-        if self._short is None:
-            raise ValueError(
-                f"scene {self.name}: expected a crank-slider or a pendulum, got another mechanism"
-            )
+        """The scene in the short spelling, in which it has to be written."""
+        assert self._short is not None, (
+            f"scene {self.name}: another mechanism than a crank-slider or a pendulum"
+        )
         return self._short
 
     def crank_slider(self) -> tuple[Link, Link, Slider]:
-        """Return crank, rod and slider.
-
-        Raises:
-            ValueError: it is not written as a crank-slider.
-        """
-        own = self.short
-        if own.rod is None or own.slider is None:
-            raise ValueError(f"scene {self.name}: expected a crank-slider, got a pendulum")
-        return own.crank, own.rod, own.slider
+        """Return crank, rod and slider of a scene that is written as a crank-slider."""
+        assert self.short.rod is not None
+        assert self.short.slider is not None
+        return self.short.crank, self.short.rod, self.short.slider
 
     @cached_property
     def mechanism(self) -> data.MechanismData:

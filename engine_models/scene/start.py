@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from engine_models.scene.format import Sections, TableDrive, refuse, require
+from engine_models.scene.format import Sections, TableDrive, require
 from engine_models.scene.mechanism import state_of
 from engine_models.scene.short import CrankSlider
 from reference_solver.mechanism.data import DriveData, MechanismData, Motion
@@ -37,27 +37,22 @@ def placed(scene: Sections, of: MechanismData, short: CrankSlider | None) -> Pla
     """
     from reference_solver.mechanism.assembly import NotAssembled, assemble, require_closed  # most do without
 
-    start, moved = scene.start, None
-    if start.states:
-        q, v = state_of(scene)
-        _check_springs(of, q)
-        try:
+    moved, speeds, along = None, *_speeds(scene, of.drive)
+    try:
+        if scene.start.states:
+            q, v = state_of(scene)
+            _check_springs(of, q)
             require_closed(of, q, v)
-        except NotAssembled as reason:
-            raise ValueError(f"start: {reason}") from None
-        return Placed(tuple(q.tolist()), tuple(v.tolist()))
-    speeds, along = _speeds(scene, of.drive)
-    if short is not None and short.guide == (0.0, 0.0) and not along:
-        q, v = assembled(short, short.start.crank_angle_rad, speeds.get(0, 0.0))
-    else:
-        try:
+        elif short is not None and short.guide == (0.0, 0.0) and not along:
+            q, v = assembled(short, short.start.crank_angle_rad, speeds.get(0, 0.0))
+        else:
             found = assemble(of, _told(scene, speeds, along))
-        except NotAssembled as reason:
-            raise ValueError(_refused(scene, of, str(reason))) from None
-        if scene.drive.kind != "free" and not found.drive_moves:
             what = "guide" if scene.drive.guide else "body"
-            refuse(f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
-        q, v, moved = found.q, found.v, _moved(scene, found)
+            moves = scene.drive.kind == "free" or found.drive_moves
+            require(moves, f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
+            q, v, moved = found.q, found.v, _moved(scene, found)
+    except NotAssembled as reason:
+        raise ValueError(_refused(scene, of, str(reason))) from None
     _check_springs(of, q.ravel())
     return Placed(tuple(q.ravel().tolist()), tuple(v.ravel().tolist()), moved)
 
@@ -106,10 +101,8 @@ def _check_springs(of: MechanismData, q: FloatArray) -> None:
 def _refused(scene: Sections, of: MechanismData, reason: str) -> str:
     """Return why there is no such start, with the entry that tells what does not hold."""
     start, expected = scene.start, reason.partition(", got")[0]
-    if "held" in expected and start.hold:
-        return f"start.hold: {reason}"
-    if "speeds" not in expected:
-        return f"start: {reason}"
+    if "speeds" not in expected or start.states:
+        return f"start.hold: {reason}" if "held" in expected and start.hold else f"start: {reason}"
     drives = of.drive.prescribes and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
     also = f" (that of {scene.driven}, by the drive, among them)" if drives else ""
     key = "speed_m_s" if start.speed_m_s and not start.speed_rad_s else "speed_rad_s"
@@ -137,8 +130,13 @@ def _speeds(scene: Sections, drive: DriveData) -> tuple[dict[int, float], dict[i
     if drive.prescribes:
         driven, number = (speeds, drive.body) if drive.guide is None else (along, drive.guide)
         own = _speed_of(drive)
-        if own or number in driven or speeds or along:
-            _require_speed_of_table(scene, driven.get(number), own)
+        if isinstance(scene.drive, TableDrive) and number in driven:
+            rates = curve_of(scene.drive.course).derivative()(scene.drive.time_s)
+            key = "speed_rad_s" if drive.guide is None else "speed_m_s"
+            expected = f"the speed of the drive's table when the scene begins, {own:.4g}"
+            alike = abs(driven[number] - own) <= ALIKE * max(map(abs, rates))
+            require(alike, f"start.{key}.{scene.driven}", expected, driven[number])
+        if own or speeds or along:
             driven[number] = own
     return speeds, along
 
@@ -147,11 +145,10 @@ def _told(scene: Sections, speeds: dict[int, float], along: dict[int, float]) ->
     """Return what the file tells of the start, by numbers."""
     from reference_solver.mechanism.assembly import Told
 
-    start, bodies, guides = scene.start, [*scene.body], [*scene.guide]
-    held = held_at_start(scene)
+    bodies, guides, held = [*scene.body], [*scene.guide], held_at_start(scene)
     return Told(
-        {bodies.index(name): angle for name, angle in start.angle_rad.items()},
-        {guides.index(name): way for name, way in start.position_m.items()},
+        {bodies.index(name): angle for name, angle in scene.start.angle_rad.items()},
+        {guides.index(name): way for name, way in scene.start.position_m.items()},
         tuple(bodies.index(name) for name in held if name in bodies),
         tuple(guides.index(name) for name in held if name in guides),
         speeds,
@@ -176,13 +173,3 @@ def _speed_of(drive: DriveData) -> float:
 
     assert isinstance(drive.law, Motion)
     return float(moved(going_on(drive.law, drive.clock_s), 0.0)[1])
-
-
-def _require_speed_of_table(scene: Sections, told: float | None, own: float) -> None:
-    """Refuse a speed told that is not the one of the drive's table."""
-    drive = scene.drive
-    if isinstance(drive, TableDrive) and told is not None:
-        fastest = max(abs(rate) for rate in curve_of(drive.course).derivative()(drive.time_s))
-        key = "speed_rad_s" if drive.guide is None else "speed_m_s"
-        expected = f"the speed of the drive's table when the scene begins, {own:.4g}"
-        require(abs(told - own) <= ALIKE * fastest, f"start.{key}.{scene.driven}", expected, told)

@@ -5,7 +5,6 @@ columns, numbers may have decimal commas.
 """
 
 import csv
-import io
 import math
 import stat
 from pathlib import Path
@@ -59,32 +58,32 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> dict[str, list[float]]
     content = read_text(path, "a table")
     first = content.partition("\n")[0]
     separator = ";" if first.count(";") > first.count(",") else ","
-    reader = csv.reader(io.StringIO(content, newline=""), delimiter=separator, skipinitialspace=True)
-    try:
-        lines = [(reader.line_num, line) for line in reader if any(cell.strip() for cell in line)]
-    except csv.Error as reason:
-        raise BadFile(f"{path}: expected a table of numbers, got '{reason}'") from None
-    head = [name.strip() for name in lines[0][1]] if lines else []
-    factors = {
-        (column, place): factor
-        for column in columns
-        for place, name in enumerate(head)
-        if (factor := 1.0 if name == column else column not in head and converted(column, name))
-    }
-    present = [column for column, _ in factors]
-    if len(present) != len({*present}) or columns[0] not in present or len(present) < 2:
-        expected = (
-            f"{path}: expected the columns {columns[0]} and {' or '.join(columns[1:])} in its first line"
-        )
-        raise BadFile(f"{expected}, got {shown(', '.join(head)) if head else 'nothing'}")
-    out: dict[str, list[float]] = {column: [] for column in present}
-    for line_number, line in lines[1:]:
-        for (column, place), factor in factors.items():
-            typed = line[place].strip() if place < len(line) else ""
-            number = typed.replace(",", ".") if separator == ";" else typed
-            if not (NUMBER.fullmatch(number) and math.isfinite(float(number))):
-                came = shown(typed) if typed else "nothing"
-                expected = f"{path} line {line_number}: expected a finite number for {column}"
-                raise BadFile(f"{expected}, got {came}")
-            out[column].append(factor * float(number))
+    reader = csv.reader(content.splitlines(), delimiter=separator, skipinitialspace=True)
+    numbered = ((number, [cell.strip() for cell in row]) for number, row in enumerate(reader, 1))
+    (_, head), *rows = [(number, row) for number, row in numbered if any(row)] or [(1, [""])]
+    out, named = dict[str, list[float]](), f"{columns[0]} and {' or '.join(columns[1:])}"
+    for column in columns:
+        factors = {place: 1.0 for place, name in enumerate(head) if name == column} or {
+            place: factor for place, name in enumerate(head) if (factor := converted(column, name))
+        }
+        if len(factors) > 1 or (column == columns[0] and not factors):
+            out.clear()
+            break
+        for place, factor in factors.items():
+            out[column] = [
+                factor * _number(f"{path} line {line}", row[place:], column, separator) for line, row in rows
+            ]
+    if len(out) < 2:
+        came = shown(", ".join(head)) if any(head) else "nothing"
+        raise BadFile(f"{path}: expected the columns {named} in its first line, got {came}")
     return out
+
+
+def _number(where: str, cells: list[str], column: str, separator: str) -> float:
+    """Return the number in the first of some cells."""
+    typed = cells[0] if cells else ""
+    number = typed.replace(",", ".") if separator == ";" else typed
+    if not (NUMBER.fullmatch(number) and math.isfinite(float(number))):
+        came = shown(typed) if typed else "nothing"
+        raise BadFile(f"{where}: expected a finite number for {column}, got {came}")
+    return float(number)

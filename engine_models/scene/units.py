@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping
 from decimal import Decimal
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -27,40 +28,6 @@ UNITS = {name: name for name in ("m", "kg", "s", "rad", "Hz", "N", "Pa")} | {
     "end_slopes": "rad/s",  # of a table
     "stiffness": "N/m^exponent",
 }
-#: What may be typed: the definitions that pint reads. An angle is a quantity of its own, so that a frequency
-#: is no speed of rotation: 10 Hz are not 10 rad/s.
-DEFINITIONS = """
-nano- = 1e-9 = n-
-micro- = 1e-6 = µ- = μ- = u-
-milli- = 1e-3 = m-
-centi- = 1e-2 = c-
-deci- = 1e-1 = d-
-kilo- = 1e3 = k-
-mega- = 1e6 = M-
-giga- = 1e9 = G-
-meter = [length] = m = metre
-gram = [mass] = g
-second = [time] = s
-radian = [angle] = rad
-minute = 60 second = min
-hour = 60 minute = h
-degree = 0.0174532925199432957692369076848861 radian = deg = °
-turn = 360 degree = rev = revolution
-rpm = turn / minute
-hertz = 1 / second = Hz
-newton = kilogram * meter / second ** 2 = N
-newton_meter = newton * meter = Nm
-pascal = newton / meter ** 2 = Pa
-bar = 1e5 pascal
-joule = newton * meter = J
-tonne = 1000 kilogram = t
-inch = 0.0254 meter = in
-foot = 12 inch = ft
-pound = 0.45359237 kilogram = lb
-standard_gravity = 9.80665 meter / second ** 2 = g_0
-pound_force = pound * standard_gravity = lbf
-psi = pound_force / inch ** 2
-"""
 #: A number as it is typed: int() and float() also take 1_0, the digits of all scripts and blanks around.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: A unit as it is typed, of a few characters, and a quantity: a number, then its unit.
@@ -122,6 +89,4 @@ def _registry() -> "UnitRegistry[Decimal]":
     """Return the units that may be typed; converted in decimal numbers, so that 50 mm are 0.05 m."""
     import pint  # which takes a moment, and most scenes have plain numbers
 
-    registry: UnitRegistry[Decimal] = pint.UnitRegistry(None, non_int_type=Decimal)
-    registry.load_definitions(DEFINITIONS.strip().splitlines())
-    return registry
+    return pint.UnitRegistry(Path(__file__).with_name("units.txt"), non_int_type=Decimal)

@@ -13,7 +13,7 @@ import pytest
 import yaml
 from typer.main import get_command
 
-from crankslider.command import app
+from crankslider.command import make_app
 from engine_models import engines
 from engine_models.scene.scene import Scene
 from studies.registry import STUDIES
@@ -100,7 +100,7 @@ def _type(command: str, expected: list[str], where: str, slow: bool) -> None:
 def _parse(arguments: list[str], where: str) -> None:
     """Have the command line read arguments without doing anything; studies have to be there."""
     name, *rest = arguments
-    commands = cast(Any, get_command(app)).commands
+    commands = cast(Any, get_command(make_app(name))).commands
     assert name in commands or name.startswith("--"), f"{where}: no command {name}"
     if not rest:
         return

@@ -3,8 +3,6 @@
 import os
 import subprocess
 import sys
-import time
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -97,7 +95,6 @@ class Deadly:
     """What ends the process that reads it."""
 
     limit_s = 60.0
-    compiles = frozenset[str]()
 
     def __reduce__(self) -> tuple[object, tuple[int]]:
         return os._exit, (4,)
@@ -134,30 +131,3 @@ def test_no_process_takes_a_file_in_the_users_folder_for_a_module_of_pythons(tmp
     with Store(tmp_path / "results") as store:
         rows, _ = store.results("accuracy")
     assert {(row["engine"], row["status"]) for row in rows} == {("my_module:Mine", "ok")}
-
-
-@dataclass(frozen=True)
-class Item:
-    """A call that compiles some machine code."""
-
-    compiles: frozenset[str]
-    limit_s: float = 60.0
-    rest_s: float = 1.0
-
-
-def rest(item: Item) -> tuple[float, float]:
-    began = time.time()
-    time.sleep(item.rest_s)
-    return began, time.time()
-
-
-def test_two_processes_do_not_compile_the_same_at_once() -> None:
-    items = [Item(frozenset(parts)) for parts in ("ab", "bc", "c", "abc")]
-    with Pool(2) as pool:
-        times = dict(pool.results(rest, items))
-    first, shares, other, last = (times[item] for item in items)
-    assert shares[0] >= first[1]
-    assert other[0] < first[1], "it compiles nothing that the first one does"
-    assert last[0] >= first[1]
-    assert shares[0] < last[1], "what is compiled once keeps nobody back"
-    assert last[0] < shares[1]

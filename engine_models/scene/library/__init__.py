@@ -20,19 +20,10 @@ else:
 
 FOLDER = Path(__file__).parent
 Makers = Mapping[str, Callable[[], Scene]]
-IDEAL = ("ideal-free", "ideal-driven", "ideal-torque", "ideal-fluctuating", "ideal-compressor")
+IDEAL = ("free", "driven", "torque", "fluctuating", "compressor")
 LOOSE = (
-    "clearance-driven-0.5mm",
-    "clearance-driven-0.1mm",
-    "clearance-driven-0.02mm",
-    "clearance-driven-damped",
-    "clearance-driven-A",
-    "clearance-driven-AB",
-    "clearance-free-0.5mm",
-    "clearance-free-OAB",
-    "clearance-pendulum",
-    "clearance-start-up",
-    "clearance-compressor",
+    *("driven-0.5mm", "driven-0.1mm", "driven-0.02mm", "driven-damped", "driven-A", "driven-AB"),
+    *("free-0.5mm", "free-OAB", "pendulum", "start-up", "compressor"),
 )
 #: The literature's bearing: steel on steel, 10 mm, restitution 0.9.
 BEARING_RADIUS_M, STEEL = 0.01, ("young_modulus_Pa", "poisson_ratio")
@@ -42,42 +33,35 @@ def _entries(name: str) -> dict[str, Any]:
     """Return the entries of a scene's file, and those of its base."""
     if name.startswith("rigid"):
         own = _entries(name.replace("rigid", "clearance"))
-        rooms = (
-            {key: it for key, it in room.items() if key not in STEEL} for room in own["clearance"].values()
-        )
-        rigid = dict(zip(own["clearance"], ({**room, "law": "rigid"} for room in rooms), strict=True))
-        return {**own, "name": name, "clearance": rigid}
+        for joint, room in own["clearance"].items():
+            kept = {key: value for key, value in room.items() if key not in STEEL}
+            own["clearance"][joint] = {**kept, "law": "rigid"}
+        return {**own, "name": name}
     own = tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
-    base = own.pop("base", None)
-    return {**(_entries(base) if base else {}), "name": name, **own}
+    return {**(_entries(own.pop("base")) if "base" in own else {}), "name": name, **own}
 
 
 def _maker(name: str) -> Callable[[], Scene]:
     """Return what makes a scene, described by the first line of its file."""
-
-    @cache
-    def make() -> Scene:
-        return Scene.checked(_entries(name))
-
-    with (FOLDER / f"{name.replace('rigid', 'clearance')}.toml").open(encoding="utf-8") as text:
-        about = text.readline().removeprefix("#").strip()
+    text = (FOLDER / f"{name.replace('rigid', 'clearance')}.toml").read_text(encoding="utf-8")
+    about = text.partition("\n")[0].removeprefix("# ")
+    make = cache(lambda: Scene.checked(_entries(name)))
     make.__doc__ = f"{about.rstrip('.')}; rigid contact." if name.startswith("rigid") else about
     return make
 
 
-def _makers(names: Iterable[str]) -> Makers:
-    return {name: _maker(name) for name in names}
+def _makers(kind: str, names: Iterable[str]) -> Makers:
+    return {f"{kind}{name}": _maker(f"{kind}{name}") for name in names}
 
 
-IDEAL_SCENES, CLEARANCE_SCENES = _makers(IDEAL), _makers(LOOSE)
-RIGID_SCENES = _makers(name.replace("clearance", "rigid") for name in LOOSE)
+IDEAL_SCENES, CLEARANCE_SCENES = _makers("ideal-", IDEAL), _makers("clearance-", LOOSE)
+RIGID_SCENES = _makers("rigid-", LOOSE)
 SCENES: Makers = {**IDEAL_SCENES, **CLEARANCE_SCENES, **RIGID_SCENES}
 #: Scenes of mechanisms other than a plain crank-slider or pendulum.
-MECHANISMS = _makers(sorted({file.stem for file in FOLDER.glob("*.toml")} - SCENES.keys()))
+MECHANISMS = _makers("", sorted({file.stem for file in FOLDER.glob("*.toml")} - SCENES.keys()))
 ALL_SCENES: Makers = {**SCENES, **MECHANISMS}
 #: Scenes that tests and studies begin with.
 ideal_free, ideal_driven, ideal_torque, _, ideal_compressor = IDEAL_SCENES.values()
-clearance_driven_05, clearance_pendulum = SCENES[LOOSE[0]], SCENES["clearance-pendulum"]
 
 
 def clearance(

@@ -1,5 +1,6 @@
 """What ``simulate`` writes and says: which columns, by which method in which steps, and how exact it is."""
 
+from functools import wraps
 from pathlib import Path
 from shlex import quote, split
 from typing import Any, NoReturn
@@ -70,8 +71,9 @@ def test_the_command_of_every_setting_typed_asks_for_that_setting(monkeypatch: p
     ran = [case for case in cases(full=False) if "view" not in case.columns]
     asked = set()
 
-    def hear(scene: Any, name: str, *, step: str, settings: Any, **_: Any) -> NoReturn:
-        asked.add((scene.name, scene.end_time_s, name, library.read_engine(name, settings), float(step)))
+    @wraps(library.simulate)
+    def hear(scene: Any, engine: str, step: str, settings: Any, **_: Any) -> NoReturn:
+        asked.add((scene.name, scene.end_time_s, engine, library.read_engine(engine, settings), float(step)))
         raise Failed("heard")
 
     monkeypatch.setattr(library, "simulate", hear)
