@@ -22,7 +22,6 @@ from reference_solver.failures import (
     PainleveParadox,
     SingularConfiguration,
     TooLight,
-    light,
 )
 from reference_solver.mechanism.constraints import System, row_slices, system_of
 from reference_solver.mechanism.contacts import (
@@ -35,7 +34,7 @@ from reference_solver.mechanism.contacts import (
 )
 from reference_solver.mechanism.data import GROUND, Spring
 from reference_solver.mechanism.loads import Forces, forces_of, integrated, power_of
-from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.mechanism import Mechanism, light
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
 from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, smaller, sqrt

@@ -2,27 +2,14 @@
 
 from collections.abc import Sequence
 
-from reference_solver.mechanism.data import Body
-
-#: Names that a message has at the most, and the least mass of a body beside the heaviest one.
-MOST_NAMES, LIGHTEST = 8, 1e-11
+#: Names that a message has at the most.
+MOST_NAMES = 8
 
 
 def listed(names: Sequence[str]) -> str:
     """Return names with commas between them, the first of many."""
     more = len(names) - MOST_NAMES
     return ", ".join(names) if more <= 0 else f"{', '.join(names[:MOST_NAMES])} and {more} more"
-
-
-def light(bodies: Sequence[Body]) -> str | None:
-    """Return in words which body is too light for the arithmetic beside the heaviest one, if one is."""
-    least, most = (choose(bodies, key=lambda body: body.mass_kg) for choose in (min, max))
-    if least.mass_kg >= LIGHTEST * most.mass_kg:
-        return None
-    limit, name = LIGHTEST * most.mass_kg, least.name or "one"
-    return f"expected bodies of at least {limit:.3g} kg beside one of {most.mass_kg:g} kg, got {name} of " + (
-        f"{least.mass_kg:g} kg: what moves it is lost in rounding"
-    )
 
 
 class SolverError(Exception):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reference_solver.failures import light, listed
+from reference_solver.failures import listed
 from reference_solver.mechanism.constraints import (
     Constraint,
     PrescribedMotion,
@@ -21,7 +21,7 @@ from reference_solver.mechanism.constraints import (
     system_of,
 )
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, Line, MechanismData, Pin
-from reference_solver.mechanism.mechanism import Mechanism, along, mechanism_of
+from reference_solver.mechanism.mechanism import Mechanism, along, light, mechanism_of
 from reference_solver.mechanism.points import State, ends_of
 from reference_solver.tape import FloatArray
 

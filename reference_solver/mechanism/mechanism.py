@@ -3,7 +3,7 @@
 Coordinates q stack (x, y, phi) of every body's centre of mass.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from reference_solver.mechanism import data
@@ -32,6 +32,9 @@ from reference_solver.mechanism.motions import (
     pieces_of,
 )
 from reference_solver.tape import Array, array
+
+#: The least mass of a body beside the heaviest one.
+LIGHTEST = 1e-11
 
 
 @dataclass(frozen=True)
@@ -174,3 +177,14 @@ def _held(table: data.Table) -> PiecewiseCubic:
     before = (table.x[0] - (table.x[-1] - table.x[0]), table.y[0], 0.0, 0.0, 0.0)
     beyond = (table.x[-1], table.y[-1], 0.0, 0.0, 0.0)
     return PiecewiseCubic((*before, *pieces_of(curve_of(table)).rows, *beyond))
+
+
+def light(bodies: Sequence[Body]) -> str | None:
+    """Return in words which body is too light for the arithmetic beside the heaviest one, if one is."""
+    least, most = (choose(bodies, key=lambda body: body.mass_kg) for choose in (min, max))
+    if least.mass_kg >= LIGHTEST * most.mass_kg:
+        return None
+    limit, name = LIGHTEST * most.mass_kg, least.name or "one"
+    return f"expected bodies of at least {limit:.3g} kg beside one of {most.mass_kg:g} kg, got {name} of " + (
+        f"{least.mass_kg:g} kg: what moves it is lost in rounding"
+    )
