@@ -128,7 +128,7 @@ def test_the_ledger_has_all_lines_and_a_run_that_gains_a_thousandth_is_refused()
 
 @pytest.mark.parametrize("step", [1e-3, ErrorControl(1e-8)], ids=["rk4", "dop853"])
 def test_a_drive_that_cannot_go_on_is_told_with_the_time_of_its_limit(step: float | ErrorControl) -> None:
-    # A crank of 0.2 m at 2 rad/s, whose pin a rod of 0.1 m holds to a line through its centre: sin phi <= 1/2.
+    # A crank of 0.2 m at 2 rad/s, held by a rod of 0.1 m to a line through its centre: sin phi <= 1/2.
     joints = (
         Pin(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),
         Pin(0, (0.2, 0.0), 1, (0.0, 0.0)),
