@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Mapping
 from functools import cache, wraps
 from pathlib import Path
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 from typing import Annotated, Any, ParamSpec, TypeVar, get_type_hints
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError, validate_call
@@ -48,6 +48,15 @@ Seconds = Annotated[float, Field(gt=0, ge=1e-100), in_words("s")]
 Metres = Annotated[float, Field(gt=0), in_words("m")]
 
 
+def _without_result(function: Any) -> Any:
+    """Return a function without the annotation of its result, which may name what only checkers import."""
+    parts = function.__code__, function.__globals__, function.__name__, function.__defaults__
+    bare = FunctionType(*parts, function.__closure__)
+    bare.__kwdefaults__, bare.__qualname__ = function.__kwdefaults__, function.__qualname__
+    bare.__annotations__ = {name: kind for name, kind in function.__annotations__.items() if name != "return"}
+    return bare
+
+
 def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Return a function that refuses arguments other than its annotations say, before it begins.
 
@@ -58,7 +67,9 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """
     signature = inspect.signature(function)
     kinds = {name: each.annotation for name, each in signature.parameters.items() if name != "self"}
-    strict = cache(lambda: validate_call(config=STRICT)(function))  # built as late as it is called
+    strict = cache(
+        lambda: validate_call(config=STRICT)(_without_result(function))
+    )  # built as late as it is called
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -70,7 +81,7 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
             expected = f"{name}: expected {', '.join(kinds) or 'no arguments'}"
             raise BadInput(f"{expected}, got a call with {got}") from None
         try:
-            result: R = strict()(**{key: plain(value) for key, value in given.items()})  # type: ignore[call-arg]
+            result: R = strict()(**{key: plain(value) for key, value in given.items()})
         except ValidationError as error:
             raise BadInput(refusal(error, given)) from None
         except RecursionError:
