@@ -54,9 +54,9 @@ def test_andrews_mechanism_turns_by_the_published_angles() -> None:
 def test_a_marker_of_a_bar_whose_ends_slide_on_two_lines_draws_an_ellipse(
     engine: str, bound_m: float
 ) -> None:
-    """The trammel of Archimedes: ends a to both sides, marker at s, angle phi: (s - a) cos phi, (s + a) sin phi.
+    """The trammel of Archimedes: a marker s from the middle is at (s - a) cos, (s + a) sin.
 
-    Chipmunk, whose slots do not let the bar turn, refuses it; Exudyn's joints are open by 3e-7 m at this step.
+    Chipmunk, whose slots do not let the bar turn, refuses it; Exudyn's joints are open by 3e-7 m.
     """
     of, (a, s) = from_toml(TRAMMEL.replace("Q = 0.5", "Q = 0.5, M = 0.2")), (0.5, 0.2)
     trajectory = run(engine, of, 40)
