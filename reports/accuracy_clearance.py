@@ -9,7 +9,7 @@ import pandas as pd
 
 from reports.accuracy_ideal import nearest
 from reports.equal_error import from_coarse_to_fine
-from reports.lines import MOST_LINES, Line, Panel, against, draw, points, shown_labels
+from reports.lines import MOST_LINES, Line, Panel, against, figure_of, shown_labels
 from reports.look import axis_label, line_styles, number
 from reports.page import Chapter, Figure, Table
 from reports.results import (
@@ -53,15 +53,13 @@ def parts(studies: Studies) -> Iterator[Figure | Table | None]:
     best = rows[rows["joints"] == LOOSE]
     best = best[best["label"].isin(nearest(best, SLIDER)["label"])]
     by_signal = [against(best, column) for column in (SLIDER, PEAK, IMPULSE)]
-    panels = [*chain(*by_signal)]
     caption = (
         "Configurations that are an engine's best on a scene. Grey lines: order at the left end; grey "
         "areas are the uncertainty of the reference solution."
     )
     title = "How do the errors fall with the step?"
-    if panels:
-        drawing = draw(panels, 2.2, min(3, max(map(len, by_signal))))
-        yield Figure("clearance-steps", title, caption, "accuracy", drawing, points(panels))
+    across = min(3, max(map(len, by_signal)))
+    yield figure_of("clearance-steps", title, caption, "accuracy", [*chain(*by_signal)], 2.2, across)
     yield impacts_by_configuration(finest)
     yield _models(rows)
 
@@ -99,7 +97,7 @@ def first_impact(results: Results) -> Figure | None:
         f"The first impact on {scene}: the curves lie on each other, the errors on the right do not. The "
         "area of the loop is the energy lost."
     )
-    return Figure("clearance-impact", title, caption, "accuracy", draw(panels), points(panels))
+    return figure_of("clearance-impact", title, caption, "accuracy", panels)
 
 
 def impacts_by_configuration(runs: pd.DataFrame) -> Table:

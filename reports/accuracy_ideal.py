@@ -7,8 +7,8 @@ from itertools import chain
 import numpy as np
 import pandas as pd
 
-from reports.lines import Panel, against, draw, points
-from reports.look import ABSENT, axis_label, labels, listed, number, span, words
+from reports.lines import Panel, against, figure_of
+from reports.look import ABSENT, axis_label, listed, number, span, words
 from reports.page import UNCERTAIN, Chapter, Claim, Figure, Table
 from reports.results import (
     FORCE,
@@ -53,11 +53,10 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
 
 def _figure(name: str, title: str, caption: str, by_signal: list[list[Panel]]) -> Figure | None:
     """Return the figure of the panels of some signals; of few scenes each signal has a row of its own."""
-    panels, across = [*chain(*by_signal)], max(map(len, by_signal))
-    if not panels:
-        return None
-    drawing = draw(panels, 2.4, across if across <= 3 else None)
-    return Figure(name, title, caption, "accuracy", drawing, points(panels))
+    across = max(map(len, by_signal))
+    return figure_of(
+        name, title, caption, "accuracy", [*chain(*by_signal)], 2.4, across if across <= 3 else None
+    )
 
 
 def orders(rows: pd.DataFrame, column: str) -> pd.DataFrame:
@@ -98,7 +97,9 @@ def _shown_errors(rows: pd.DataFrame) -> list[str]:
 
 def _orders_by_configuration(rows: pd.DataFrame) -> Table:
     """Return the range of the observed orders over all scenes, by configuration and signal."""
-    columns: dict[str, list[str]] = {"configuration": labels(finished(rows))}
+    columns: dict[str, list[str]] = {
+        "configuration": [*finished(rows)["label"].drop_duplicates().sort_values()]
+    }
     for column in _shown_errors(rows):
         known = orders(rows, column)
         columns[words(column)[0].replace(" error", "")] = cells = []

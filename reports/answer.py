@@ -11,7 +11,7 @@ from reports.beside import comparison
 from reports.cost import by_target, cost_panel, prepared
 from reports.energy import KEPT, at_middle, energy_parts
 from reports.equal_error import ALONE, Ratio, candidates, mark, ratio
-from reports.lines import draw, points
+from reports.lines import figure_of
 from reports.look import command, span
 from reports.page import MOST, Chapter, Claim, Figure, Part, Table, Text
 from reports.predictability import horizon, horizons
@@ -149,7 +149,7 @@ def _figure(ran: pd.DataFrame) -> Figure | None:
         "A line is an engine at its best settings; points without a line are not ranked. Dashed: the error "
         "asked for; ring: the fastest; grey: uncertainty of the reference solution."
     )
-    return Figure("answer", title, caption, "cost", draw(panels, 2.1), points(panels)) if panels else None
+    return figure_of("answer", title, caption, "cost", panels, 2.1)
 
 
 def _limits(studies: Studies) -> Iterator[Claim]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from reports.lines import MOST_LINES, Line, Panel, draw, points, shown_labels, so_far
+from reports.lines import MOST_LINES, Line, Panel, figure_of, shown_labels, so_far
 from reports.look import axis_label, command, line_styles, words
 from reports.page import Chapter, Claim, Figure, Made, Part, Table, Text, write_page
 from reports.results import Results, Studies, quality_failures
@@ -35,7 +35,9 @@ def write_comparison(
     write_page(folder, title, head, [made], {NAME: f"crankslider compare {given}"})
 
 
-def _parts(studies: Studies, pictures: Mapping[str, Drawing], scene: str, given: str) -> Iterator[Part]:
+def _parts(
+    studies: Studies, pictures: Mapping[str, Drawing], scene: str, given: str
+) -> Iterator[Part | None]:
     results = studies[NAME]
     standings = Standings.of(results.rows)
     for k, sentence in enumerate(sentences(standings, given)):
@@ -53,7 +55,7 @@ def _parts(studies: Studies, pictures: Mapping[str, Drawing], scene: str, given:
     yield Text(f"<h2>The scene</h2><pre>{escape(scene)}</pre>")
 
 
-def _figures(results: Results, standings: Standings) -> Iterator[Figure]:
+def _figures(results: Results, standings: Standings) -> Iterator[Figure | None]:
     """Yield the errors against run time, and those of the runs in the table over time."""
     ran, runs, chosen = standings.settings, standings.runs, standings.chosen
     if chosen is None:
@@ -73,7 +75,7 @@ def _figures(results: Results, standings: Standings) -> Iterator[Figure]:
         "Dashed: the error asked for; ringed: the recommended setting; grey: the reference solution's "
         "uncertainty. Where an engine solves another contact law, the distance of the two laws is added."
     )
-    yield Figure(f"{NAME}-time", question, caption, NAME, draw(panels, 3.4), points(panels))
+    yield figure_of(f"{NAME}-time", question, caption, NAME, panels, 3.4)
     if results.has_curves:
         lines = []
         for run in runs[runs["label"].isin(styles)].itertuples():
@@ -84,4 +86,4 @@ def _figures(results: Results, standings: Standings) -> Iterator[Figure]:
         panels = [Panel("", axis_label("time_s"), axis.replace(" [", " so far ["), lines, log="y")]
         question = f"How does the {what} grow over time?"
         caption = "The largest so far, of each engine's run in the table, against its own model's solution."
-        yield Figure(f"{NAME}-over-time", question, caption, NAME, draw(panels, 3.4), points(panels))
+        yield figure_of(f"{NAME}-over-time", question, caption, NAME, panels, 3.4)

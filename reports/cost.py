@@ -16,7 +16,7 @@ from reports.equal_error import (
     saturated,
     settings,
 )
-from reports.lines import Line, Panel, draw, points
+from reports.lines import Line, Panel, figure_of
 from reports.look import ABSENT, axis_label, in_legend_order, legend_place, quantity, variant, words
 from reports.page import MOST, Chapter, Claim, Figure, Part, Table
 from reports.results import CLASSES, FORCE, PEAK, SLIDER, Studies, accuracy, finished
@@ -81,7 +81,7 @@ def _figure(column: str, ran: pd.DataFrame) -> Figure | None:
     )
     title = f"What error in {what} does each engine reach in what run time?"
     name = f"cost-{what.replace(' ', '-')}"
-    return Figure(name, title, caption, "cost", draw(panels, 2.4), points(panels)) if panels else None
+    return figure_of(name, title, caption, "cost", panels, 2.4)
 
 
 def cost_panel(ran: pd.DataFrame, rings: Sequence[tuple[float, float]] = ()) -> Panel:
@@ -91,10 +91,10 @@ def cost_panel(ran: pd.DataFrame, rings: Sequence[tuple[float, float]] = ()) -> 
         best, style = front(of_engine), variant(engine, 0)
         if best.empty:  # of errors that rank nobody the points are shown, without a line
             best, style = of_engine.assign(kept=of_engine["error"]), {**style, "linestyle": ""}
-        marks = {mark(run, first["column"]) for run in best.itertuples()}
+        marked = mark(best.sort_values("motion_alone").iloc[-1], first["column"])
         spread = [0 * best["time_s"], best["last_s"] - best["time_s"]]
         notes = [*(best["label"].astype(str) + ", " + best["setting"])]
-        lines.append(Line(f"{engine}{max(marks)}", best["time_s"], best["kept"], style, notes, spread))
+        lines.append(Line(f"{engine}{marked}", best["time_s"], best["kept"], style, notes, spread))
     axes = ("run time [s]", axis_label(first["column"]))
     return Panel(first["scene"], *axes, lines, floor=first["floor"], level=first["target"], rings=rings)
 
@@ -148,7 +148,7 @@ def _by_scene(best: pd.DataFrame) -> Table:
             "configuration": best["label"],
             "setting": best["setting"],
             "run time [ms]": 1e3 * best["time_s"],
-            "resolved": [is_resolved(run) for run in best.itertuples()],
+            "resolved": is_resolved(best),
             f"ratio to {BASE}": best["times"],
             "low": best["low"],
             "high": best["high"],

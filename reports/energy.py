@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from reports.lines import Line, Panel, against, draw, points, shown_labels
+from reports.lines import Line, Panel, against, figure_of, shown_labels
 from reports.look import axis_label, line_styles, number, setting
 from reports.page import HALF_WIDTH, Chapter, Claim, Figure, Table
 from reports.results import Results, Studies, finished, knobs, tolerances, with_columns
@@ -86,7 +86,7 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     panels = against(rows, "largest_numerical_gain_J", orders=(1, 3, 5))
     caption = "The largest error over the run. Grey lines have the slope of the order at their left end."
     title = "How does the energy-balance error fall with the step?"
-    yield Figure("energy-steps", title, caption, "energy", draw(panels), points(panels)) if panels else None
+    yield figure_of("energy-steps", title, caption, "energy", panels)
     yield dissipation(finished(middle))
     yield _terms(finished(middle))
 
@@ -132,8 +132,7 @@ def _growth(results: Results, middle: pd.DataFrame) -> Figure | None:
         "The largest so far at the middle setting: bounded where a line is flat, a drift where it rises."
     )
     title = "How does the energy-balance error grow over time?"
-    drawing = draw(panels, 2.3, 2) if panels else None
-    return Figure("energy-growth", title, caption, "energy", drawing, points(panels)) if drawing else None
+    return figure_of("energy-growth", title, caption, "energy", panels, 2.3, 2)
 
 
 def dissipation(middle: pd.DataFrame) -> Table:

@@ -61,9 +61,9 @@ def mark(run: Any, column: str) -> str:
     return ALONE_MARK if run.motion_alone and ("force" in column or "torque" in column) else ""
 
 
-def is_resolved(run: Any) -> bool:
-    """Return whether a second round comes near the run time of a setting."""
-    return bool(run.next_s <= SPREAD * run.time_s)
+def is_resolved(run: Any) -> Any:
+    """Return whether a second round comes near the run time of a setting, or of each in a data frame."""
+    return run.next_s <= SPREAD * run.time_s
 
 
 def settings(rows: pd.DataFrame) -> pd.DataFrame:

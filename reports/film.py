@@ -23,8 +23,6 @@ from reports.page import template
 
 #: The most pictures of a film, how many of them are shown in a second, and their resolution.
 MOST_PICTURES, PER_SECOND, DPI = 100, 20, 110
-#: Every picture has the same layout, and to compute it anew would take longer than all else.
-FIXED = {"figure.constrained_layout.use": False}
 #: The unit of sizes in parts of the diagonal of all places, and in that unit: radius of a pin, half the sides
 #: of a block, how far a guide goes on beyond its block's way, and the margin around all.
 UNIT, PIN, HALF_BLOCK, BEYOND, MARGIN = 0.2, 0.07, (0.25, 0.17), 0.3, 0.15
@@ -64,7 +62,7 @@ def film_bytes(
     A page holds its pictures, and needs no other file. ``drawn`` is called with the time in s of every
     picture that is done.
     """
-    with mpl.rc_context(RC | FIXED), TemporaryDirectory() as folder:
+    with mpl.rc_context(RC), TemporaryDirectory() as folder:
         stage, file, pictures = Stage(scene, run, exaggerate), Path(folder) / f"film{ending}", list[str]()
         if ending == ".html":
             for time_s in stage.pictures():
@@ -170,6 +168,7 @@ class Stage:
 
     def _draw(self, title: str) -> None:
         self.picture = Picture(1.0)
+        self.picture.set_layout_engine("none")  # to compute it for every picture would take longest
         self.axes = self.picture.add_axes((0, 0, 1, 1), xlabel="x [mm]", ylabel="y [mm]")
         if self.mechanism.loose and self.exaggerate != 1:
             title += f", clearance drawn {self.exaggerate:g} times as large"

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
 from reports.look import GREY, RC, WIDTH_IN, Picture, axis_label, line_styles, setting
+from reports.page import Figure
 from reports.results import FloatArray, floor, knobs, tolerances, value
 
 #: A panel has no more lines than these; the other configurations are in the tables.
@@ -65,6 +66,21 @@ def points(panels: Iterable[Panel]) -> pd.DataFrame:
         for k, (x, y) in enumerate(zip(line.x, line.y, strict=True))
     ]
     return pd.DataFrame(rows, columns=columns)
+
+
+def figure_of(
+    name: str,
+    title: str,
+    caption: str,
+    study: str,
+    panels: Sequence[Panel],
+    height_in: float = 2.7,
+    across: int | None = None,
+) -> Figure | None:
+    """Return the figure of some panels with their points as its data, None without panels."""
+    if not panels:
+        return None
+    return Figure(name, title, caption, study, draw(panels, height_in, across), points(panels))
 
 
 def draw(panels: Sequence[Panel], height_in: float = 2.7, across: int | None = None) -> Drawing:

@@ -69,8 +69,6 @@ WORDS = {
     "impact_force_in_phase": "impact force at equal phase",
     "impact_force_relative": "relative peak force",
     "impact_force": "peak force",
-    "impact_penetration_relative": "relative penetration",
-    "impact_duration_relative": "relative duration",
 }
 
 
@@ -88,11 +86,6 @@ def in_legend_order(rows: pd.DataFrame) -> pd.Categorical:
     arms = rows[["engine", "arm", "label"]].drop_duplicates("label").itertuples(index=False)
     order = sorted(arms, key=lambda each: legend_place(each.engine, each.arm))
     return pd.Categorical(rows["label"], [each.label for each in order], ordered=True)
-
-
-def labels(rows: pd.DataFrame) -> list[str]:
-    """Return the labels among rows, each once, in the order of legends."""
-    return list(rows["label"].drop_duplicates().sort_values())
 
 
 def line_styles(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:

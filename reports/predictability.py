@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtrit
 
-from reports.lines import Line, Panel, draw, points, so_far
+from reports.lines import Line, Panel, figure_of, so_far
 from reports.look import BLACK, BLUE, GREY, VERMILLION
 from reports.page import HALF_WIDTH, MOST, Chapter, Claim, Figure, Table
 from reports.results import FloatArray, Results, Studies, finished, with_columns
@@ -53,7 +53,7 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
                 "Distance of the slider from the unperturbed run, the largest up to each time. Diamonds mark "
                 "the horizons of 1 nm, 1 µm and 100 µm."
             )
-            yield Figure(f"{STUDY}-growth", title, caption, STUDY, draw(panels, 2.4), points(panels))
+            yield figure_of(f"{STUDY}-growth", title, caption, STUDY, panels, 2.4)
         yield _horizon_table(followed)
     members = finished(rows[rows["member"].notna()])
     yield _means(members)
@@ -146,7 +146,7 @@ def _horizon_table(rows: pd.DataFrame) -> Table:
 def mean_of(values: pd.Series) -> tuple[float, float]:
     """Return the mean of independent values and half of its 95 % interval, NaN of fewer than two."""
     known = values.dropna()
-    t = stats.t.ppf(0.5 + CONFIDENCE / 2, len(known) - 1)
+    t = stdtrit(len(known) - 1, 0.5 + CONFIDENCE / 2)
     return float(known.mean()), float(t * known.std(ddof=1) / math.sqrt(max(len(known), 1)))
 
 

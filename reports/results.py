@@ -147,13 +147,13 @@ def finished(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def value(rows: pd.DataFrame, column: str) -> pd.Series:
-    """Return a column, NaN where the run failed or the scene has no such thing."""
-    return _numbers(rows, column).where(rows["status"] == "ok")
+    """Return a column, NaN where there is no such thing, as where a run failed."""
+    return rows[column] if column in rows else pd.Series(math.nan, rows.index)
 
 
 def uncertainty(rows: pd.DataFrame, column: str) -> pd.Series:
     """Return the reference solution's uncertainty of a column of errors, NaN where there is none."""
-    return _numbers(rows, column.replace("_error_", "_uncertainty_") if "_error_" in column else "")
+    return value(rows, column.replace("_error_", "_uncertainty_") if "_error_" in column else "")
 
 
 def floor(rows: pd.DataFrame, column: str) -> float:
@@ -197,7 +197,7 @@ def with_forces(rows: pd.DataFrame) -> pd.DataFrame:
     for word in ("error", "uncertainty", "scale"):
         joints = rows.filter(regex=rf"^joint_[\w.-]+_force_{word}_N$")
         columns[FORCE.replace("error", word)] = joints.max(axis=1)
-        columns[PEAK.replace("error", word)] = 100 * _numbers(rows, f"impact_force_relative_{word}")
+        columns[PEAK.replace("error", word)] = 100 * value(rows, f"impact_force_relative_{word}")
     return rows.assign(**columns)
 
 
@@ -213,7 +213,3 @@ def accuracy(studies: Studies, *kinds: str) -> pd.DataFrame:
     rows = with_forces(with_columns(studies["accuracy"].rows, "view").query("view.isna()"))
     rows = rows.assign(joints=classes(rows))
     return rows[rows["joints"].isin(kinds or CLASSES)]
-
-
-def _numbers(rows: pd.DataFrame, column: str) -> pd.Series:
-    return rows[column] if column in rows else pd.Series(math.nan, rows.index)

@@ -18,6 +18,7 @@ from engine_models.mechanics.states import observed_m
 from engine_models.minimal.forces import Forces
 from engine_models.scene.library import ALL_SCENES, SCENES
 from engine_models.scene.scene import Scene
+from studies.judges.columns import accelerations
 from studies.judges.converged_truth import converged, solved
 from studies.judges.convergence import observed_order
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
@@ -197,7 +198,7 @@ def forces_fit_accelerations(trial: Trial) -> Finding:
         quiet &= contact.normal_impulse_N_s[2:] == contact.normal_impulse_N_s[:-2]
     quiet[:2] = False  # a start from rest forces on the first steps (Pymunk's kicks)
     masses = np.array([body.mass_kg for body in scene.mechanism.bodies])[:, None]
-    force = masses * Forces(scene).accelerations(run)[:, :, :2]
+    force = masses * accelerations(Forces(scene), run)[:, :, :2]
     needed = masses * (run.velocity[2:, :, :2] - run.velocity[:-2, :, :2]) / (2 * run.time_s[1])
     scale = max(np.abs(force[1:-1][quiet]).max(initial=0.0), float((masses * 9.81).max()))
     off = float(np.abs(needed - force[1:-1])[quiet].max(initial=0.0) / scale)

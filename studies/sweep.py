@@ -18,13 +18,13 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.start import start_angle, start_state
 from engine_models.mechanics.states import observed_m
-from engine_models.minimal.closing import closed
 from engine_models.scene.format import SceneError
 from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
 from engine_models.scene.units import NUMBER, in_unit, unit_of
 from studies.case import Case, Curves, Row, Value
 from studies.failures import BadInput
+from studies.judges.closing import closed
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -19,6 +19,7 @@ ALLOWED = {
     "engine_models/scene": {"reference_solver"},  # a mechanism's data, curves of tables, and assembled starts
     "studies": {"engine_models"},
     "studies/judges/run_cache.py": {"engine_models", "reference_solver"},  # files kept beside machine code
+    "studies/judges/closing.py": {"engine_models", "reference_solver"},  # a mechanism without its clearances
     "studies/conform.py": {"engine_models", "reports"},  # the rule by which an order is one
     "reports": {"engine_models", "studies"},  # words of refusals, names of configurations, rows
     "crankslider": {"engine_models", "reference_solver", "reports", "studies"},
@@ -30,6 +31,7 @@ OF_MINIMAL = (
     "engine_models.engine.",
     "engine_models.mechanics.impacts.",
     "engine_models.mechanics.states.",
+    "engine_models.mechanics.trajectory.",
     "engine_models.memory.",
     "engine_models.minimal.",
     "engine_models.pace.",

@@ -4,9 +4,12 @@ Engines answer what they are asked, be the step too long for them or a wall like
 without any truth: energy that no physics accounts for, gaps of what is ideal, and pins outside bearings.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
 from engine_models.mechanics.energy import unaccounted_part
@@ -14,12 +17,10 @@ from engine_models.mechanics.states import off_line, pin_gap, shortest_m, turned
 from engine_models.scene.scene import Scene
 
 
-@dataclass(frozen=True)
-class Respect:
-    """What a run is checked for, in parts of a scale.
+class Respect(NamedTuple):
+    """What a run is checked for, in parts of a scale, as ``text`` says in percent, and what to do.
 
-    From ``doubtful`` on a run is one to be warned of, past ``failed`` it is none. ``text`` has a place for
-    the part in percent, ``remedy`` is what to do.
+    From ``doubtful`` on a run is one to be warned of, past ``failed`` it is none.
     """
 
     column: str
@@ -29,82 +30,55 @@ class Respect:
     remedy: str
 
 
-ENERGY = Respect(
-    "unaccounted_energy_part",
-    "energy off by {} of that in play",
-    doubtful=0.01,
-    failed=0.1,
-    remedy="shorten the step, or sharpen the tolerance",
-)
-GAP = Respect(
-    "ideal_gap_part",
-    "ideal joints or guide open by {} of the shortest link",
-    doubtful=0.01,
-    failed=0.1,
-    remedy="shorten the step, or sharpen the tolerance",
-)
-PENETRATION = Respect(
-    "penetration_part",
-    "pin in the wall of its bearing by {} of the bearing's radius",
-    doubtful=0.1,
-    failed=1.0,
-    remedy="check stiffness or young_modulus_Pa, or shorten the step",
-)
-
-
-@dataclass(frozen=True)
-class Finding:
-    """The worst of a run in one respect: the largest ``part``, infinite where not all is finite.
-
-    ``doubtful_s`` and ``failed_s`` are the first samples' times beyond the two limits, None if there is none.
-    """
-
-    respect: Respect
-    part: float
-    doubtful_s: float | None
-    failed_s: float | None
-
-    @property
-    def in_percent(self) -> str:
-        """The worst in percent, as text."""
-        return f"{100 * self.part:.3g} %"
-
-    def line(self, limit: float, time_s: float, step_s: float) -> str:
-        """Return in one line what was found, when it came past a limit, and what to do."""
-        text, when = self.respect.text.format(self.in_percent), f"t = {time_s:.6g} s"
-        return f"{text}, past {100 * limit:g} % at {when} with step {step_s:.3g} s: {self.respect.remedy}"
+SHORTER = "shorten the step, or sharpen the tolerance"
+ENERGY = Respect("unaccounted_energy_part", "energy off by {} of that in play", 0.01, 0.1, SHORTER)
+OPEN = "ideal joints or guide open by {} of the shortest link"
+GAP = Respect("ideal_gap_part", OPEN, 0.01, 0.1, SHORTER)
+DEEP = "pin in the wall of its bearing by {} of the bearing's radius"
+SOFT = "check stiffness or young_modulus_Pa, or shorten the step"
+PENETRATION = Respect("penetration_part", DEEP, 0.1, 1.0, SOFT)
 
 
 @dataclass(frozen=True)
 class Quality:
-    """What was found in a run of steps up to ``step_s``, in all respects that its scene has."""
+    """A run of steps up to ``step_s`` in all respects that its scene has: the parts (n,) at ``time_s`` (n,).
 
-    findings: tuple[Finding, ...]
+    They are infinite where not finite.
+    """
+
+    found: Mapping[Respect, FloatArray]
+    time_s: FloatArray
     step_s: float
 
     def parts(self) -> dict[str, float]:
         """Return the worst in every respect by its column."""
-        return {found.respect.column: found.part for found in self.findings}
+        return {what.column: float(part.max()) for what, part in self.found.items()}
 
     def summary(self) -> str:
         """Return the worst in every respect in one line."""
-        return ", ".join(found.respect.text.format(found.in_percent) for found in self.findings)
+        return ", ".join(what.text.format(_in_percent(part)) for what, part in self.found.items())
 
     def failure(self) -> str | None:
         """Return in one line what makes the run none, the first thing if several do; None if it is one."""
-        failed = [(found.failed_s, found) for found in self.findings if found.failed_s is not None]
-        if not failed:
-            return None
-        time_s, first = min(failed, key=lambda one: one[0])
-        return first.line(first.respect.failed, time_s, self.step_s)
+        past = [self._line(what, what.failed, part > what.failed) for what, part in self.found.items()]
+        return min(filter(None, past), default=(0.0, None))[1]
 
     def warnings(self) -> list[str]:
         """Return a line for every respect in which the run is doubtful, or none at all."""
-        return [
-            found.line(found.respect.doubtful, found.doubtful_s, self.step_s)
-            for found in self.findings
-            if found.doubtful_s is not None
-        ]
+        past = [self._line(what, what.doubtful, part >= what.doubtful) for what, part in self.found.items()]
+        return [line for _, line in filter(None, past)]
+
+    def _line(self, what: Respect, limit: float, past: NDArray[np.bool_]) -> tuple[float, str] | None:
+        """Return when a run came past a limit first, and in one line how far, and what to do."""
+        if not past.any():
+            return None
+        text, when = what.text.format(_in_percent(self.found[what])), float(self.time_s[past.argmax()])
+        at = f"past {100 * limit:g} % at t = {when:.6g} s with step {self.step_s:.3g} s"
+        return when, f"{text}, {at}: {what.remedy}"
+
+
+def _in_percent(part: FloatArray) -> str:
+    return f"{100 * float(part.max()):.3g} %"
 
 
 def quality_of(scene: Scene, trajectory: Trajectory) -> Quality:
@@ -118,8 +92,8 @@ def quality_of(scene: Scene, trajectory: Trajectory) -> Quality:
             radius = {name: clearance.bearing_radius_m for name, clearance in scene.clearances.items()}
             depths = [contact.penetration_m / radius[name] for name, contact in trajectory.contacts.items()]
             found[PENETRATION] = np.maximum(np.max(depths, axis=0), 0.0)
-    findings = tuple(_finding(what, parts, trajectory.time_s) for what, parts in found.items())
-    return Quality(findings, trajectory.step_s)
+    finite = {what: np.where(np.isfinite(part), part, np.inf) for what, part in found.items()}
+    return Quality(finite, trajectory.time_s, trajectory.step_s)
 
 
 def require_quality(scene: Scene, trajectory: Trajectory) -> Trajectory:
@@ -148,11 +122,3 @@ def open_by_m(scene: Scene, position: FloatArray, start: FloatArray) -> FloatArr
             turned = turned_apart(guide, x) - turned_apart(guide, start)
             violations.append(shortest_m(scene) * np.abs(turned))
     return np.asarray(np.max(violations, axis=0))
-
-
-def _finding(respect: Respect, parts: FloatArray, time_s: FloatArray) -> Finding:
-    """Return the worst of parts (n,) at times (n,)."""
-    parts = np.where(np.isfinite(parts), parts, np.inf)
-    doubtful, failed = time_s[parts >= respect.doubtful], time_s[parts > respect.failed]
-    first = [float(times[0]) if len(times) else None for times in (doubtful, failed)]
-    return Finding(respect, float(parts.max()), *first)

@@ -1,7 +1,7 @@
 """Any planar mechanism in minimal coordinates, as one compiled function of numbers.
 
-Coordinates q (3b,) are (x, y, phi) of the centres of mass, a state is y = (q, v, sums). Joints, guides, a
-driver and a pin as it hits its rigid wall are rows g(q, t) = 0, with
+Coordinates q (3b,) are (x, y, phi) of the centres of mass, a state is y = (q, v, sums). Joints, guides and
+a driver are rows g(q, t) = 0, with
 
     B = dg/dq,  B v = c(t),  B a = gamma.
 
@@ -39,16 +39,16 @@ LINE, TURN, PULL = range(3)
 ANGLE, CONSTANT, DAMPER, SPRING, FREE, BY_ANGLE, BY_TIME, BY_RATE, OF_BODY = range(7, 16)
 #: Motions: constant speed, ramp, sine, table; -1 is none.
 STEADY, RAMP, SINE, TABLE = range(4)
-#: Scalars: gravity, the clock at t = 0, the motion with its numbers and its curve, and the most rows.
-GX, GY, CLOCK, MOTION, M1, M2, M3, M4, MCURVE, MOST = range(10)
+#: Scalars: gravity, the clock at t = 0, the motion with its numbers and its curve, and the count of rows.
+GX, GY, CLOCK, MOTION, M1, M2, M3, M4, MCURVE, ROWS = range(10)
 #: Columns of a contact behind its ends: clearance and bearing radius in m; F = K delta^N (1 + A delta'/v0) +
 #: D delta'; the least v0, or the slowest speed that rebounds with E from a rigid wall. A law that PULLS is
 #: left as it is but for its friction, which acts also then where it DRAGS. Friction is MU F f(v), f = 1 at
 #: FULL speed, 0 below the DEAD one, or tanh.
 C, R, K, N, A, D, SLOWEST, E, PULLS, DRAGS, MU, FULL, DEAD, TANH = range(6, 20)
 #: Phases of a contact, beside the a/v0 that it remembers: flight; its law pushes; it would pull, so that
-#: there is no force, or no friction; a hit of a rigid wall; and forces that are given, normal and friction.
-FLIGHT, PUSHED, CLIPPED, HIT, GIVEN = range(5)
+#: there is no force, or no friction; and forces that are given, normal and friction.
+FLIGHT, PUSHED, CLIPPED, GIVEN = range(4)
 #: What is told of a contact: its forces; (d^2 - c^2)/(2 c) of its gap d, and the rate of that; the sign of
 #: the law's force; and the sliding speed.
 NORMAL, FRICTION, ROOM, RATE, SHARE, SLIDING = range(6)
@@ -118,7 +118,7 @@ def arm(q: Array, body: int, x: float, y: float) -> tuple[float, float]:
 
 @jit
 def spin(v: Array, body: int) -> float:
-    """Return the angular speed of a body."""
+    """Return the angular speed of a body, or of q its angle."""
     return v[3 * body + 2] if body >= 0 else 0.0
 
 
@@ -155,25 +155,22 @@ def push(row: Array, e: Array, ax: float, ay: float, bx: float, by: float, fx: f
 @jit
 def direction(q: Array, body: int, angle: float) -> tuple[float, float]:
     """Return the direction of a line of a body."""
-    turned = angle + (q[3 * body + 2] if body >= 0 else 0.0)
+    turned = angle + spin(q, body)
     return math.cos(turned), math.sin(turned)
 
 
 @jit
-def fill_rows(p: Array, t: float, q: Array, v: Array, g: Array, B: Array, c: Array, gamma: Array) -> int:
-    """Fill g, B, c and gamma of all rows, and return how many there are."""
-    r = 0
+def fill_rows(p: Array, t: float, q: Array, v: Array, g: Array, B: Array, c: Array, gamma: Array) -> None:
+    """Fill g, B, c and gamma of all rows."""
+    r, B[:], c[:], gamma[:] = 0, 0.0, 0.0, 0.0
     for e in block(p, JOINTS):
         kind, i, j, ends = int(e[0]), int(e[1]), int(e[4]), e[1:7]
         ax, ay, bx, by, dx, dy, vx, vy = apart(q, v, ends)
         wi, wj = spin(v, i), spin(v, j)
-        B[r] = 0.0
-        c[r] = gamma[r] = 0.0
         if kind == PIN:
-            B[r + 1] = 0.0
             push(B[r], ends, ax, ay, bx, by, 1.0, 0.0)
             push(B[r + 1], ends, ax, ay, bx, by, 0.0, 1.0)
-            g[r], g[r + 1], c[r + 1] = dx, dy, 0.0
+            g[r], g[r + 1] = dx, dy
             gamma[r], gamma[r + 1] = wj * wj * bx - wi * wi * ax, wj * wj * by - wi * wi * ay
             r += 2
             continue
@@ -181,7 +178,7 @@ def fill_rows(p: Array, t: float, q: Array, v: Array, g: Array, B: Array, c: Arr
             if i >= 0:
                 B[r, 3 * i + 2] -= 1.0
             B[r, 3 * j + 2] += 1.0
-            g[r] = q[3 * j + 2] - (q[3 * i + 2] if i >= 0 else 0.0) - e[7]
+            g[r] = spin(q, j) - spin(q, i) - e[7]
         else:  # u.d with u at 90 degrees, or along: the force acts at point j on both bodies
             ux, uy = direction(q, i, e[7])
             if kind == ACROSS:
@@ -195,21 +192,6 @@ def fill_rows(p: Array, t: float, q: Array, v: Array, g: Array, B: Array, c: Arr
             went, speed, acceleration = driven(p, t)
             g[r], c[r], gamma[r] = g[r] - went, speed, gamma[r] + acceleration
         r += 1
-    phases = block(p, PHASES)
-    for k, e in enumerate(block(p, CONTACTS)):
-        if phases[k, 0] == HIT:
-            ax, ay, bx, by, dx, dy, vx, vy = apart(q, v, e)
-            distance, wi, wj = math.hypot(dx, dy), spin(v, int(e[0])), spin(v, int(e[3]))
-            nx, ny = dx / distance, dy / distance
-            B[r] = 0.0
-            c[r] = 0.0
-            push(B[r], e, ax, ay, bx, by, nx, ny)
-            g[r] = distance - e[C]
-            # d'' = n.d'' + (|d'|^2 - (n.d')^2)/d
-            gamma[r] = nx * (wj * wj * bx - wi * wi * ax) + ny * (wj * wj * by - wi * wi * ay)
-            gamma[r] -= (nx * vy - ny * vx) ** 2 / distance
-            r += 1
-    return r
 
 
 @jit
@@ -238,7 +220,7 @@ def add_contact(e: Array, phase: Array, q: Array, v: Array, F: Array, told: Arra
     of_i, of_j = e[R] + half, e[R] - e[C] - half  # surfaces meet in the middle of the penetration
     sliding = nx * vy - ny * vx + spin(v, int(e[3])) * of_j - spin(v, int(e[0])) * of_i
     told[SLIDING] = sliding
-    if phase[0] == FLIGHT or phase[0] == HIT:
+    if phase[0] == FLIGHT:
         return
     elastic = e[K] * max(depth, 0.0) ** e[N]
     told[SHARE] = 1.0 + phase[1] * rate
@@ -339,12 +321,10 @@ def drive(p: Array, t: Array, motion: Array) -> None:
 
 
 @entry
-def look(p: Array, t: Array, q: Array, v: Array, B: Array, g: Array, c: Array, gamma: Array) -> int:
-    """Fill B (n, most, 3b), g, c and gamma (n, most) at times (n,) in states; return the rows filled."""
-    m = 0
-    for n in range(len(t)):
-        m = fill_rows(p, t[n], q[n], v[n], g[n], B[n], c[n], gamma[n])
-    return m
+def look(p: Array, t: float, q: Array, v: Array, B: Array, g: Array, c: Array, gamma: Array) -> None:
+    """Fill B (n, m, 3b), g, c and gamma (n, m) at a time in states (n, 3b)."""
+    for n in range(len(q)):
+        fill_rows(p, t, q[n], v[n], g[n], B[n], c[n], gamma[n])
 
 
 @jit
@@ -407,13 +387,12 @@ def rates(p: Array, t: float, y: Array, out: Array) -> None:
     The last two numbers told are the determinant of the dependent coordinates' rows, and the largest of T.
     """
     bodies, told, scalars = block(p, BODIES), block(p, TOLD)[0], block(p, SCALARS)[0]
-    size, most = 3 * len(bodies), int(scalars[MOST])
-    q, v, a, sums = y[:size], told[:size], told[size : 2 * size], out[2 * size :]
-    g, c, gamma, B, F = np.empty(most), np.empty(most), np.empty(most), np.empty((most, size)), np.empty(size)
+    size, m = 3 * len(bodies), int(scalars[ROWS])
+    n, q, v, a, sums = size - m, y[:size], told[:size], told[size : 2 * size], out[2 * size :]
+    g, c, gamma, B, F = np.empty(m), np.empty(m), np.empty(m), np.empty((m, size)), np.empty(size)
     order, unit = block(p, ORDER)[0].astype(np.int64), block(p, ORDER)[1]
     v[:] = 0.0
-    m = fill_rows(p, t, q, v, g, B, c, gamma)
-    n = size - m
+    fill_rows(p, t, q, v, g, B, c, gamma)
     G, swaps, T, column = np.empty((m, m)), np.empty(m, np.int64), np.zeros((size, n)), np.empty(m)
     for i in range(m):
         for j in range(m):
@@ -430,18 +409,18 @@ def rates(p: Array, t: float, y: Array, out: Array) -> None:
             T[order[i], k] = column[i]
             largest = max(largest, abs(column[i]) * unit[order[m + k]] / unit[order[i]])
     told[len(told) - 1] = largest
-    solve(G, swaps, c[:m])
+    solve(G, swaps, c)
     for i in range(m):
         r = order[i]
         v[r] = c[i]
         for k in range(n):
             v[r] += T[r, k] * v[order[m + k]]
     fill_rows(p, t, q, v, g, B, c, gamma)
-    solve(G, swaps, gamma[:m])
+    solve(G, swaps, gamma)
     a[:] = 0.0
     for i in range(m):
         a[order[i]] = gamma[i]
-    driver = forces(p, t, q, v, F, told[2 * size + most :], sums)
+    driver = forces(p, t, q, v, F, told[2 * size + m :], sums)
     for k in range(len(block(p, CONTACTS))):
         sums[OF_SUMS * k + 2] = 0.0  # what clipping loses has a kink where the contact ends, and is known
     M, x, swaps_z = np.zeros((n, n)), np.zeros(n), np.empty(n, np.int64)

@@ -13,8 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine_models.engine import Contact, FloatArray, Trajectory, UnsupportedScene
+from engine_models.engine import Contact, FloatArray, UnsupportedScene
 from engine_models.mechanics.states import pin_gap, way
+from engine_models.mechanics.trajectory import ContactStates as ContactStates
+from engine_models.mechanics.trajectory import Reactions as Reactions
+from engine_models.mechanics.trajectory import reactions_of
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Numbers
 from engine_models.scene.plain_words import shown
@@ -26,28 +29,6 @@ from reference_solver.mechanism.contacts import DAMPING_FACTORS, NORMAL_LAWS
 EXACT = ("force", "spring", "torque")
 #: Singular values below this part of the largest are zero, where rows depend on each other.
 ZERO = 1e-15
-
-
-@dataclass(frozen=True)
-class ContactStates:
-    """A joint with clearance in n states; shapes and signs as in ``engine.Contact``.
-
-    ``rate_m_s`` (n,) is that of the penetration; the losses (n,) are in W.
-    """
-
-    gap_m: FloatArray
-    penetration_m: FloatArray
-    normal_force_N: FloatArray
-    friction_force_N: FloatArray
-    rate_m_s: FloatArray
-    normal_loss_W: FloatArray
-    clipped_loss_W: FloatArray
-    friction_loss_W: FloatArray
-
-    @property
-    def force_N(self) -> FloatArray:
-        """The force on the pin, (n, 2)."""
-        return force_on_pin(self)
 
 
 @dataclass(frozen=True)
@@ -65,19 +46,6 @@ class Acting:
     contacts: dict[str, ContactStates]
 
 
-@dataclass(frozen=True)
-class Reactions:
-    """Forces of joints (n, 2), of guides (n,), their moments (n,), and the drive's torque or force (n,).
-
-    Names and signs are those of ``engine.Trajectory``.
-    """
-
-    joint_force_N: dict[str, FloatArray]
-    guide_force_N: dict[str, FloatArray]
-    guide_moment_N_m: dict[str, FloatArray]
-    driver_torque_N_m: FloatArray | None
-
-
 def require_family(scene: Scene, engine: str) -> None:
     """Refuse laws that the reference has by functions of their own, which an engine has no form for.
 
@@ -90,41 +58,6 @@ def require_family(scene: Scene, engine: str) -> None:
             raise UnsupportedScene(
                 f"{engine}: clearance.{name}.law: expected {expected}, got {shown(room.law)}"
             )
-
-
-def force_on_pin(contact: Contact | ContactStates) -> FloatArray:
-    """Return the force of a bearing on its pin, (n, 2) in N."""
-    distance = np.maximum(np.hypot(*contact.gap_m.T), np.finfo(float).tiny)
-    x, y = contact.gap_m.T / distance
-    force = -contact.normal_force_N * np.array([x, y])
-    if contact.friction_force_N is not None:
-        force += contact.friction_force_N * np.array([-y, x])
-    return np.asarray(force.T)
-
-
-def reactions_of(
-    of: data.MechanismData,
-    multipliers: FloatArray,
-    contacts: Mapping[str, Contact | ContactStates],
-    torque: FloatArray | None,
-) -> Reactions:
-    """Return multipliers (n, m) in the order of the rows by name, beside what contacts do.
-
-    ``torque`` (n,) is that of a drive that prescribes no motion.
-    """
-    rows, forces = iter(multipliers.T), dict[str, FloatArray]()
-    for pin in of.ideal:
-        forces[pin.name] = np.stack([next(rows), next(rows)], axis=-1)
-    for pin in of.loose:
-        force = force_on_pin(contacts[pin.name])
-        forces[pin.name] = -force if pin.bearing_on_j else force
-    across, moments = dict[str, FloatArray](), dict[str, FloatArray]()
-    for guide in of.guides:
-        across[guide.name] = next(rows)
-        if not guide.turns:
-            moments[guide.name] = next(rows)
-    ordered = {pin.name: forces[pin.name] for pin in of.pins}
-    return Reactions(ordered, across, moments, next(rows) if of.drive.prescribes else torque)
 
 
 class Forces(Numbers):
@@ -178,7 +111,7 @@ class Forces(Numbers):
                 phases[:, k, 1] = wall[eq.A] / np.maximum(approach_m_s[pin.name], wall[eq.SLOWEST])
         F = np.empty((n, 3 * bodies))
         told, powers = np.empty((n, len(self.told))), np.empty((n, len(self.sums) + 1))
-        eq.act(self.p, time_s, _flat(position), _flat(velocity), phases, F, told, powers)
+        eq.act(self.p, time_s, flat(position), flat(velocity), phases, F, told, powers)
         at, place, states = eq.OF_CONTACT * len(loose), eq.OF_SUMS * len(loose), dict[str, ContactStates]()
         for k, pin in enumerate(loose):
             gap, c = pin_gap(pin, position, np.zeros_like(position)).gap_m, self.contacts[k, eq.C]
@@ -205,8 +138,8 @@ class Forces(Numbers):
         ``contacts`` has what the joints with clearance do then.
         """
         acting = self.act(time_s, position, velocity, contacts)
-        B, masses = self.look(0.0, _flat(position))[0], self.masses.ravel()
-        missing = _flat(acceleration) - _flat(acting.on_bodies) / masses
+        B, masses = self.look(0.0, flat(position))[0], self.masses.ravel()
+        missing = flat(acceleration) - flat(acting.on_bodies) / masses
         multipliers = solve_systems(B / masses @ B.swapaxes(1, 2), B @ missing[..., None])
         return reactions_of(self.of, multipliers, contacts, acting.parts.get("driver"))
 
@@ -233,48 +166,22 @@ class Forces(Numbers):
             works[short] = exact[name] if name in exact else integrated[short]
         return works
 
-    def accelerations(self, run: Trajectory) -> FloatArray:
-        """Return the accelerations (n, bodies, 3) that all forces of a run give to its bodies."""
-        acting, of = self.act(run.time_s, run.position, run.velocity, run.contacts).on_bodies, self.of
-        rows = [axis for pin in of.ideal for axis in run.joint_force_N[pin.name].T]
-        for guide in of.guides:
-            rows.append(run.guide_force_N[guide.name])
-            if not guide.turns:
-                rows.append(run.guide_moment_N_m.get(guide.name, np.zeros(len(acting))))
-        if of.drive.prescribes and run.driver_torque_N_m is not None:
-            rows.append(run.driver_torque_N_m)
-        multipliers, B = np.reshape(rows, (self.rows, len(acting))), self.look(0.0, _flat(run.position))[0]
-        reactions = np.einsum("mn,nmk->nk", multipliers, B).reshape(acting.shape)
-        return np.asarray((acting + reactions) / self.masses)
-
-    def on_ground(self, run: Trajectory, acceleration: FloatArray) -> FloatArray:
-        """Return force and torque about the origin (n, 3) on the ground: what weight and inertia leave."""
-        own = self.masses * (np.array([*self.of.gravity_m_s2, 0.0]) - acceleration)
-        own[..., 2] += run.position[..., 0] * own[..., 1] - run.position[..., 1] * own[..., 0]
-        return np.asarray(own.sum(axis=1))
-
 
 def _damping_of(law: str, e: float) -> float:
     """Return the factor a of a law; a law that somebody adds is known to the reference alone."""
     return DAMPING_FACTORS[law](e) if law in DAMPING_FACTORS else 0.0
 
 
-def _flat(states: FloatArray) -> FloatArray:
+def flat(states: FloatArray) -> FloatArray:
+    """Return states (n, bodies, 3) as (n, 3b)."""
     return np.ascontiguousarray(
         states.reshape(len(states), np.prod(states.shape[1:], dtype=int)), dtype=np.float64
     )
 
 
-def solve_systems(
-    matrix: FloatArray, right: FloatArray, singular: bool = False, zero: float = ZERO
-) -> FloatArray:
-    """Return the solutions (n, m) of n systems, of ``singular`` ones the shortest.
-
-    Singular values are 0 below the part ``zero`` of the largest.
-    """
-    if not singular:
-        try:
-            return np.asarray(np.linalg.solve(matrix, right)[..., 0])
-        except np.linalg.LinAlgError:
-            pass
-    return np.asarray((np.linalg.pinv(matrix, zero, hermitian=True) @ right)[..., 0])
+def solve_systems(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solutions (n, m) of n systems, the shortest where one is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right)[..., 0])
+    except np.linalg.LinAlgError:
+        return np.asarray((np.linalg.pinv(matrix, ZERO, hermitian=True) @ right)[..., 0])

@@ -93,14 +93,17 @@ def curve_of(table: data.Table) -> PPoly:
 
 @dataclass(frozen=True)
 class Kinks:
-    """Where the pieces of a curve over a coordinate of y begin, (n,), and its period or 0."""
+    """Where the pieces of a curve over a coordinate of y begin, (n,), and its period or 0.
+
+    Without a period there is one more on either side.
+    """
 
     coordinate: int
     begins: FloatArray
     period: float
 
     def piece(self, y: FloatArray) -> int:
-        """Return the piece that a state is in, counted on from period to period; -1 is before the first."""
+        """Return the piece that a state is in, counted on from period to period."""
         x = float(y[self.coordinate])
         turns = math.floor((x - self.begins[0]) / self.period) if self.period else 0
         place = int(np.searchsorted(self.begins, x - turns * self.period, "right")) - 1
@@ -140,11 +143,10 @@ class Numbers:
         driver = ["driver"] if of.drive.prescribes else []
         sums = ("normal_impulse_N_s", "normal_loss_J", "clipped_loss_J", "friction_loss_J")
         self.sums = [*((pin.name, each) for pin in of.loose for each in sums), *self.parts, *driver]
-        most = self.rows + len(contacts)
         self.stops_s = np.unique(np.array(self._stops) - of.drive.clock_s)
         self.lever_m = max(levers_m(of)) or 1.0
         self.unit = np.tile([self.lever_m, self.lever_m, 1.0], len(of.bodies))
-        self.first = 2 * self.size + most  # of what is told of contacts
+        self.first = 2 * self.size + self.rows  # of what is told of contacts
         told = self.first + eq.OF_CONTACT * len(contacts) + len(parts) + 2
         self.p = _packed(
             [
@@ -154,7 +156,7 @@ class Numbers:
                 [row for _, row in parts],
                 self._curves,
                 np.concatenate(self._pieces),
-                [[*of.gravity_m_s2, of.drive.clock_s, *motion, most]],
+                [[*of.gravity_m_s2, of.drive.clock_s, *motion, self.rows]],
                 [np.arange(self.size), self.unit],
                 np.zeros((len(contacts), 3)),
                 np.zeros((1, told)),
@@ -172,12 +174,12 @@ class Numbers:
 
     def look(self, t: float, q: FloatArray, v: FloatArray | None = None) -> tuple[FloatArray, ...]:
         """Return B (..., m, 3b) of all rows, g, c and gamma (..., m) at a time, in states q, v (..., 3b)."""
-        states, most = np.ascontiguousarray(q).reshape(-1, self.size), self.rows + len(self.phases)
-        B, (g, c, gamma) = np.empty((len(states), most, self.size)), np.empty((3, len(states), most))
+        states, m = np.ascontiguousarray(q).reshape(-1, self.size), self.rows
         rates = np.zeros_like(states) if v is None else np.ascontiguousarray(v).reshape(-1, self.size)
-        m = eq.look(self.p, np.full(len(states), t), states, rates, B, g, c, gamma)
+        B, (g, c, gamma) = np.empty((len(states), m, self.size)), np.empty((3, len(states), m))
+        eq.look(self.p, t, states, rates, B, g, c, gamma)
         shape = (*q.shape[:-1], m)
-        return B[:, :m].reshape(*shape, self.size), *(each[:, :m].reshape(shape) for each in (g, c, gamma))
+        return B.reshape(*shape, self.size), *(each.reshape(shape) for each in (g, c, gamma))
 
     def _joints(self, q: FloatArray) -> Iterator[list[float]]:
         of = self.of
@@ -213,44 +215,46 @@ class Numbers:
     def _parts(self) -> Iterator[tuple[str, list[float]]]:
         """Yield the parts of loads by name."""
         for load in self.of.loads:
-            along, turn = [eq.LINE, *_line(load.line)] if load.line else [], _turn(load.body)
+            along, turn = (
+                [eq.LINE, *_line(load.line)] if load.line else [],
+                [eq.TURN, *GROUND, load.body, 0.0, 0.0, 0.0],
+            )
             gas, angle = load.gas, -1 if load.gas is None else 3 * load.gas.body + 2
-            by_angle = {"by_angle": self._over(angle, gas.table), "body": gas.body} if gas else {}
+            by_angle = {eq.BY_ANGLE: self._over(angle, gas.table), eq.OF_BODY: gas.body} if gas else {}
+            spring = {eq.SPRING: load.spring_N_m, eq.FREE: load.free_position_m}
+            force, turning = load.force_by_time, load.torque_by_time
             parts = {
-                "force": (load.force_N, along, {"constant": load.force_N}),
-                "viscous": (load.viscous_N_s_m, along, {"damper": load.viscous_N_s_m}),
-                "spring": (load.spring_N_m, along, {"spring": load.spring_N_m, "free": load.free_position_m}),
+                "force": (load.force_N, along, {eq.CONSTANT: load.force_N}),
+                "viscous": (load.viscous_N_s_m, along, {eq.DAMPER: load.viscous_N_s_m}),
+                "spring": (load.spring_N_m, along, spring),
                 "gas": (gas, along, by_angle),
-                "by_time": (load.force_by_time, along, {"by_time": self._over_time(load.force_by_time)}),
-                "torque": (load.torque_N_m, turn, {"constant": load.torque_N_m}),
-                "turning_viscous": (load.viscous_N_m_s, turn, {"damper": load.viscous_N_m_s}),
-                "torque_by_time": (
-                    load.torque_by_time,
-                    turn,
-                    {"by_time": self._over_time(load.torque_by_time)},
-                ),
+                "by_time": (force, along, {eq.BY_TIME: self._over_time(force)}),
+                "torque": (load.torque_N_m, turn, {eq.CONSTANT: load.torque_N_m}),
+                "turning_viscous": (load.viscous_N_m_s, turn, {eq.DAMPER: load.viscous_N_m_s}),
+                "torque_by_time": (turning, turn, {eq.BY_TIME: self._over_time(turning)}),
             }
             for part, (acts, ends, numbers) in parts.items():
                 if acts:
-                    yield f"{self.of.bodies[load.body].name}.{part}", _part(ends, **numbers)
+                    yield f"{self.of.bodies[load.body].name}.{part}", _part(ends, numbers)
         for s in self.of.springs:
             ends = [eq.PULL, s.body_i, *s.point_i, s.body_j, *s.point_j, 0.0]
-            pull = _part(ends, damper=s.damping_N_s_m, spring=s.stiffness_N_m, free=s.free_length_m)
-            yield f"spring:{s.name}", pull
-        turn, rate = _turn(self.of.drive.body), self.size + 3 * self.of.drive.body + 2
+            pull = {eq.DAMPER: s.damping_N_s_m, eq.SPRING: s.stiffness_N_m, eq.FREE: s.free_length_m}
+            yield f"spring:{s.name}", _part(ends, pull)
+        body, rate = self.of.drive.body, self.size + 3 * self.of.drive.body + 2
+        turn = [eq.TURN, *GROUND, body, 0.0, 0.0, 0.0]
         match self.of.drive.law:
             case data.Torque(data.Table() as table):
-                yield "driver", _part(turn, by_time=self._over_time(table))
+                yield "driver", _part(turn, {eq.BY_TIME: self._over_time(table)})
             case data.Torque(float() | int() as torque):
-                yield "driver", _part(turn, constant=torque)
+                yield "driver", _part(turn, {eq.CONSTANT: torque})
             case data.Motor(table=data.Table() as table):
-                yield "driver", _part(turn, by_rate=self._over(rate, table, held=True))
+                yield "driver", _part(turn, {eq.BY_RATE: self._over(rate, table, held=True)})
             case data.Motor(stall, speed):
-                yield "driver", _part(turn, constant=stall, damper=stall / speed)
+                yield "driver", _part(turn, {eq.CONSTANT: stall, eq.DAMPER: stall / speed})
 
     def _over(self, coordinate: int, table: data.Table, held: bool = False) -> float:
         """Return the number of the curve of a table over a coordinate of y, with its kinks there."""
-        begins = np.array(table.x[:-1] if table.period else table.x)
+        begins = np.array(table.x[:-1] if table.period else [-np.inf, *table.x, np.inf])
         self.kinks.append(Kinks(coordinate, begins, table.period))
         return self._curve(table, held)
 
@@ -274,11 +278,7 @@ class Numbers:
 class Model(Numbers):
     """y' = f(t, y), y = (q, v, sums), of a scene's mechanism, in the present phases of its contacts.
 
-    ``start`` (state,) is the state at t = 0.
-
-    Raises:
-        SimulationFailed: the start is singular.
-        UnsupportedScene: a contact has a law that is not known here.
+    ``start`` (state,) is the state at t = 0. Raises SimulationFailed where that is singular.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -298,16 +298,10 @@ class Model(Numbers):
         return out
 
     def closed(self, t: float, y: FloatArray) -> FloatArray:
-        """Return a state near y that closes all rows, after a choice of the coordinates that depend there.
-
-        Raises:
-            SimulationFailed: the position is singular.
-        """
+        """Return a state near y that closes all rows, after a choice of the coordinates that depend there."""
         y, size = y.copy(), self.size
         q, v = y[:size], y[size : 2 * size]
-        B, *_ = self.look(t, q, v)
-        m = len(B)
-        dependent = self.choose(t, B)
+        m, dependent = self.rows, self.choose(t, self.look(t, q, v)[0])
         for _ in range(STEPS if m else 0):
             B, g, *_ = self.look(t, q, v)
             change = np.linalg.solve(B[:, dependent], g)
@@ -353,24 +347,12 @@ def _line(line: data.Line) -> list[float]:
     return [line.body_i, *line.point_i, line.body_j, *line.point_j, line.angle_rad]
 
 
-def _turn(body: int) -> list[float]:
-    """Return the kind and the ends of a torque on a body."""
-    return [eq.TURN, *GROUND, body, 0.0, 0.0, 0.0]
-
-
-def _part(
-    ends: list[float],
-    constant: float = 0.0,
-    damper: float = 0.0,
-    spring: float = 0.0,
-    free: float = 0.0,
-    by_angle: float = NONE,
-    by_time: float = NONE,
-    by_rate: float = NONE,
-    body: float = NONE,
-) -> list[float]:
-    """Return a part of a load, with the numbers of its curves."""
-    return [*ends, constant, damper, spring, free, by_angle, by_time, by_rate, body]
+def _part(ends: list[float], numbers: Mapping[int, float]) -> list[float]:
+    """Return a part of a load, with numbers by their columns."""
+    row = [*ends, 0.0, 0.0, 0.0, 0.0, *[NONE] * 4]
+    for column, number in numbers.items():
+        row[column] = number
+    return row
 
 
 def _ends(pin: data.Pin) -> list[float]:

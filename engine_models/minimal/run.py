@@ -6,8 +6,8 @@ It is looked for in every step, on the solver's interpolant.
 
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any, NamedTuple, Protocol
 
@@ -26,9 +26,9 @@ from engine_models.engine import (
 )
 from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.states import pin_gap
+from engine_models.mechanics.trajectory import reactions_of
 from engine_models.minimal import equations as eq
 from engine_models.minimal.equations import CLIPPED, FLIGHT, PUSHED
-from engine_models.minimal.forces import reactions_of
 from engine_models.minimal.model import STEEP, Model, Numbers
 from engine_models.minimal.rigid import settle
 from engine_models.pace import Pace
@@ -45,16 +45,17 @@ GROWN = 1.5
 #: By what part of its largest the determinant of rows has fallen where their condition is looked at, and the
 #: condition at which a position is singular.
 FALLEN, SINGULAR = 0.2, 1e-4
-#: Signals of contacts, by what is told of these; the rate of a gap is no event. And where a table by an angle
-#: or a speed goes from a piece to the next.
-TOUCH, SIGN, TURN, KINK = eq.ROOM, eq.SHARE, eq.RATE, -1
+#: Signals of contacts, by what is told of these, of which the rate of a gap is no event; and those that a
+#: table by an angle or a speed goes to its next piece, or back.
+TOUCH, SIGN, TURN, ON, BACK = eq.ROOM, eq.SHARE, eq.RATE, -1, -2
 #: Evaluations after which a run tells how far it has come, and after which its pace is judged.
 PAUSE, OUTLASTING = 10_000, 300_000
 #: The part of a step behind which the rate of a gap is looked at first.
 ASIDE = 1e-6
 #: Most corrections of a located event, and the part of the step that slopes are taken over.
 CORRECTIONS, DIFFERENCE = 3, 1e-3
-#: Gives the interpolant of the last step.
+#: When which contact or table has which signal come to be positive; and what gives a step's interpolant.
+Event = tuple[float, int, int]
 Course = Callable[[], Callable[[float], FloatArray]]
 
 
@@ -76,22 +77,13 @@ class Choice:
     bare: bool = False
 
 
-class Event(NamedTuple):
-    """When which signal of which contact has come to be positive, or which kink is passed."""
-
-    time_s: float
-    number: int
-    kind: int
-
-
-@dataclass
-class Touch:
+class Touch(NamedTuple):
     """The begin of a contact: time, speed and sums, and (time, force, depth) since."""
 
     time_s: float
     speed_m_s: float
     sums: FloatArray
-    trace: list[tuple[float, float, float]] = field(default_factory=list)
+    trace: list[tuple[float, float, float]]
 
 
 class Run:
@@ -207,10 +199,15 @@ class Run:
             return True
         return False
 
-    def _signal(self, told: FloatArray, k: int, kind: int) -> float:
-        """Return what is positive past an event of contact k, from what was told of it."""
-        value, phase = float(told[k, kind]), self.model.phases[k, 0]
-        return value if phase == (CLIPPED if kind == SIGN else FLIGHT) else -value
+    def _signal(self, told: FloatArray, y: FloatArray, number: int, kind: int) -> float:
+        """Return what is positive past an event, from what was told of contacts and the state."""
+        if kind < 0:
+            kink, piece = self._kinks[number], self._pieces[number]
+            x = float(y[kink.coordinate])
+            return x - kink.begin(piece + 1) if kind == ON else kink.begin(piece) - x
+        value, phase = float(told[number, kind]), self.model.phases[number, 0]
+        signed = value if phase == (CLIPPED if kind == SIGN else FLIGHT) else -value
+        return signed - self._levels.get((number, kind), 0.0)
 
     def _kinds(self, k: int) -> tuple[int, ...]:
         """Return the kinds of events that contact k can have in its phase."""
@@ -220,57 +217,40 @@ class Run:
 
     def _first_event(self, solver: DOP853, course: Course, t: float, before: FloatArray) -> Event | None:
         """Return the first event in the last step, on the interpolant."""
-        now = self.model.contacts_told.copy()
-        events = [*self._of_contacts(solver.t, course, t, before, now)]
-        pieces = [kink.piece(solver.y) for kink in self._kinks]
-        for number, piece in enumerate(pieces):
-            if piece != self._pieces[number]:
-                past = partial(self._past_kink, course, number, piece > self._pieces[number])
-                events.append(Event(_zero(past, t, solver.t), number, KINK))
-        first = min(events, default=None)
-        if first is not None and first.kind == KINK:
-            self._pieces[first.number] += 1 if pieces[first.number] > self._pieces[first.number] else -1
-        return first
-
-    def _of_contacts(
-        self, end: float, course: Course, t: float, before: FloatArray, now: FloatArray
-    ) -> Iterator[Event]:
-        """Yield the events of contacts in the last step, of which each is told at the begin and now."""
-        for k, kind in ((number, each) for number in range(len(now)) for each in self._kinds(number)):
-            last, turns = end, self._signal(before, k, TURN) >= 0.0 > self._signal(now, k, TURN)
-            past = self._signal(now, k, kind) > self._levels.get((k, kind), 0.0)
-            if not past and kind == TOUCH and turns:
+        now, y, events = self.model.contacts_told.copy(), solver.y, list[Event]()
+        watched = [(k, kind) for k in range(len(now)) for kind in self._kinds(k)]
+        watched += [(number, kind) for number in range(len(self._kinks)) for kind in (ON, BACK)]
+        for number, kind in watched:
+            at, end = partial(self._signal_at, course, number), solver.t
+            past = self._signal(now, y, number, kind) > 0.0
+            turned = kind == TOUCH and self._signal(before, y, number, TURN) >= 0.0
+            if not past and turned and self._signal(now, y, number, TURN) < 0.0:
                 begin = t + ASIDE * (end - t)  # a pin at the centre of its bearing has a rate of zero
-                last = _zero(partial(self._above, course, k, TURN), begin, end)
-                past = self._above(course, k, kind, last) > 0.0
+                end = _zero(partial(at, TURN), begin, end)
+                past = at(kind, end) > 0.0
             if past:
-                yield Event(_zero(partial(self._above, course, k, kind), t, last), k, kind)
+                events.append((_zero(partial(at, kind), t, end), number, kind))
+        return min(events, default=None)
 
-    def _above(self, course: Course, k: int, kind: int, t: float) -> float:
-        """Return by how much a signal is past its level at a time within the last step."""
-        self.model(t, np.ascontiguousarray(course()(t)))
-        return self._signal(self.model.contacts_told, k, kind) - self._levels.get((k, kind), 0.0)
-
-    def _past_kink(self, course: Course, number: int, rises: bool, t: float) -> float:
-        kink = self._kinks[number]
-        return float(course()(t)[kink.coordinate]) - kink.begin(self._pieces[number] + rises)
+    def _signal_at(self, course: Course, number: int, kind: int, t: float) -> float:
+        """Return a signal at a time within the last step."""
+        y = np.ascontiguousarray(course()(t))
+        self.model(t, y)
+        return self._signal(self.model.contacts_told, y, number, kind)
 
     def _located(
         self, course: Course, t: float, y: FloatArray, end: float, event: Event
     ) -> tuple[float, FloatArray]:
         """Return time and state of an event; a sharp run takes steps to it until its signal is zero."""
-        at, k, kind = event
+        at, number, kind = event
         if not self.choice.sharp or at <= t:
             return at, np.ascontiguousarray(course()(at))
-        if kind == KINK:
-            return at, self._step_to(t, y, at)
-        aside = max(t, at - DIFFERENCE * (at - t))
-        rise = self._above(course, k, kind, at)
-        slope = (rise - self._above(course, k, kind, aside)) / (at - aside)
+        aside, signal = max(t, at - DIFFERENCE * (at - t)), partial(self._signal_at, course, number, kind)
+        slope = (signal(at) - signal(aside)) / (at - aside)
         state = self._step_to(t, y, at)
         for _ in range(CORRECTIONS):
             self.model(at, state)
-            off = self._signal(self.model.contacts_told, k, kind) - self._levels.get((k, kind), 0.0)
+            off = self._signal(self.model.contacts_told, state, number, kind)
             earlier = at - off / slope if slope > 0.0 else at
             if not t < earlier <= end or abs(earlier - at) <= np.spacing(at):
                 break
@@ -316,11 +296,13 @@ class Run:
     def _answer(self, event: Event | None) -> None:
         """Answer an event, and others that are due with it."""
         model, self._levels = self.model, {}
+        if event is not None and event[2] < 0:
+            self._pieces[event[1]] += 1 if event[2] == ON else -1
         model(self.t, self.y)
         for k in range(len(model.phases)):
             for kind in self._kinds(k):
                 is_event = event is not None and (k, kind) == event[1:]
-                if not is_event and not self._signal(model.contacts_told, k, kind) > NUDGE:
+                if not is_event and not self._signal(model.contacts_told, self.y, k, kind) > NUDGE:
                     continue
                 phase = model.phases[k, 0]
                 if model.contacts[k, eq.K] == 0.0:
@@ -335,7 +317,7 @@ class Run:
                     self._release(k)
                 model(self.t, self.y)
                 for each in self._kinds(k):
-                    now = self._signal(model.contacts_told, k, each)
+                    now = self._signal(model.contacts_told, self.y, k, each)
                     self._levels[k, each] = max(now, 0.0) * (1 + 1e-15) + NUDGE
                 self._largest = 0.0
                 break
@@ -354,7 +336,7 @@ class Run:
         model, wall = self.model, self.model.contacts[k]
         speed = float(model.contacts_told[k, eq.RATE] * wall[eq.C] / (wall[eq.C] + self._depth(k)))
         model.phases[k] = PUSHED, wall[eq.A] / max(speed, wall[eq.SLOWEST]), 0.0
-        self._touches[k] = Touch(self.t, speed, self._sums(k))
+        self._touches[k] = Touch(self.t, speed, self._sums(k), [])
         model(self.t, self.y)
         if len(self._kinds(k)) > 1 and model.contacts_told[k, eq.SHARE] < 0.0:  # begun on its way out
             self._clip(self.y, k, 1.0)

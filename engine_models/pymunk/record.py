@@ -83,8 +83,7 @@ class Record:
         """Keep a sample, and those since the last kick, which are interpolated: places by cubics."""
         loop, size, (before_s, y_0, told_0) = self._loop, self.model.size, self._last
         t, y = float(loop.plan[kicks.TIME]), np.concatenate([loop.q, velocity, sums])
-        still = np.zeros(len(self.model.phases))
-        told = np.concatenate([velocity, loop.a, loop.multipliers, still, loop.told, [0.0, 0.0]])
+        told = np.concatenate([velocity, loop.a, loop.multipliers, loop.told, [0.0, 0.0]])
         self._last = t, y, told
         while len(self.states) < len(self.times_s) and self.times_s[len(self.states)] <= t + self._round_off:
             at, of_y, of_told = self.times_s[len(self.states)], y, told

@@ -6,11 +6,11 @@ import numpy as np
 
 from engine_models.engine import Contact, FloatArray, Impacts, SimulationFailed, Trajectory
 from engine_models.mechanics.energy import elastic_energy_J
+from engine_models.mechanics.trajectory import reactions_of
 from engine_models.minimal.forces import Forces
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import mechanism
-from reference_solver.mechanism.constraints import row_slices
 from reference_solver.mechanism.mechanism import Mechanism, loads_of
 from reference_solver.solution import Solution
 
@@ -32,34 +32,18 @@ def trajectory_of_solution(
 ) -> Trajectory:
     """Return the trajectory at the solution's samples."""
     multipliers, of = solution.multipliers, scene.mechanism
-    rows = iter(row_slices(solution.mechanism.constraints, solution.q.shape[1]))
-    forces, contacts = dict[str, FloatArray](), dict[str, Contact]()
-    for pin in of.ideal:
-        forces[pin.name] = multipliers[:, next(rows)]
-    for k, pin in enumerate(of.loose):  # the force on the pin, which is on body j unless its bearing is
-        force = solution.joint_force_N[:, k]
-        forces[pin.name] = -force if pin.bearing_on_j else force
-        contacts[pin.name] = _contact(scene.clearances[pin.name], solution, k)
-    normal, moment = dict[str, FloatArray](), dict[str, FloatArray]()
-    for guide in of.guides:
-        first = next(rows).start
-        normal[guide.name] = multipliers[:, first]
-        if not guide.turns:
-            moment[guide.name] = multipliers[:, first + 1]
-    position, prescribed = solution.q.reshape(len(multipliers), -1, 3), of.drive.prescribes
+    contacts = {pin.name: _contact(scene.clearances[pin.name], solution, k) for k, pin in enumerate(of.loose)}
+    position = solution.q.reshape(len(multipliers), -1, 3)
     velocity, acting = solution.v.reshape(position.shape), Forces(scene)
     parts = acting.act(solution.time_s, position, velocity).parts
     works = acting.works_J(position, _integrated_works(scene, solution))
     driver_work = works.pop("driver", None)
     return Trajectory(
+        **vars(reactions_of(of, multipliers, contacts, parts.get("driver"))),
         time_s=solution.time_s,
         position=position,
         velocity=velocity,
-        joint_force_N={pin.name: forces[pin.name] for pin in of.pins},
-        guide_force_N=normal,
-        guide_moment_N_m=moment,
-        driver_torque_N_m=multipliers[:, -1] if prescribed else parts.get("driver"),
-        driver_work_J=solution.constraint_work_J if prescribed else driver_work,
+        driver_work_J=solution.constraint_work_J if of.drive.prescribes else driver_work,
         step_s=step_s,
         steps=solution.steps,
         solve_time_s=solve_time_s,

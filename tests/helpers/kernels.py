@@ -9,21 +9,13 @@ from numpy.typing import NDArray
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.start import assembled
-from reference_solver.equations import Baumgarte
 from reference_solver.mechanism.data import GROUND, Guide
 from reference_solver.mechanism.data import Point as Place
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solver import Stabilisation
 
 FloatArray = NDArray[np.float64]
 #: A mechanism, coordinates and velocities to start from, and a step in s.
 Start = tuple[Mechanism, FloatArray, FloatArray, float]
-#: The stabilisations by name.
-VARIANTS: dict[str, Stabilisation] = {
-    "none": "none",
-    "projection": "projection",
-    "baumgarte": Baumgarte(100.0, 70.0),
-}
 
 
 def straight_guide(body: int, point: Place, angle_rad: float) -> tuple[Guide]:

@@ -13,7 +13,6 @@ from reports.equal_error import (
     is_resolved,
     judged,
     kept,
-    mark,
     ratio,
     reaching,
     settings,
@@ -48,6 +47,9 @@ def test_who_reaches_an_error_does_so_at_a_setting_that_was_run() -> None:
     assert reached(both, 1e-5) == [("engine (crude)", "1e-06", 100.0)]
     assert reached(both, 1e-10) == []
     assert front(series((1e-4, 2.0), (1e-4, 1.0)))["time_s"].tolist() == [1.0]
+    arms = [("a (one)", 3.0), ("a (two)", 2.0), ("b (one)", 1.0)]
+    together = pd.concat([series((1e-6, time), label=label) for label, time in arms])
+    assert [of[::2] for of in reached(together, 1e-6)] == [("b (one)", 1.0), ("a (two)", 2.0)]
 
 
 def test_a_setting_before_a_worse_one_is_luck_and_counts_by_that_ones_error() -> None:
@@ -60,24 +62,11 @@ def test_a_setting_before_a_worse_one_is_luck_and_counts_by_that_ones_error() ->
     assert other[0] == "engine (sharp)", "another configuration's settings say nothing of this one's"
 
 
-def test_engines_come_with_their_fastest_configuration_the_fastest_engine_first() -> None:
-    arms = [("a (one)", 3.0), ("a (two)", 2.0), ("b (one)", 1.0)]
-    together = pd.concat([series((1e-6, time), label=label) for label, time in arms])
-    assert [of[::2] for of in reached(together, 1e-6)] == [("b (one)", 1.0), ("a (two)", 2.0)]
-
-
 def recorded(error: Any, step_s: float = 0.1, rounds: tuple[float, ...] = (2.0, 1.0), **more: Any) -> Any:
     """Return a recorded run at a step, with its timed ones."""
     head = {"scene": "s", "engine": "reference", "arm": "located", "label": "reference (located)"}
-    case = {
-        **head,
-        "case": str(step_s),
-        "step_s": step_s,
-        "status": "ok",
-        "reason": "",
-        SLIDER: error,
-        **more,
-    }
+    case = {**head, "case": str(step_s), "step_s": step_s, "status": "ok", "reason": "", **more}
+    case |= {SLIDER: error} if case["status"] == "ok" else {}
     timed = [{**case, "round": k, "solve_time_s": time} for k, time in enumerate(rounds)]
     return [{**case, "end_time_s": 1.0}, *timed]
 
@@ -156,13 +145,6 @@ def test_settings_go_by_what_is_varied_with_failed_ones_left_out() -> None:
     found = judge(*rows)
     assert list(found["setting"]) == ["step_tolerance 1e-06", "step_tolerance 1e-10", "step 0.1 s"]
     assert list(found["scene"]) == ["s", "s", "t"]
-
-
-def test_a_time_without_forces_is_marked_where_forces_are_judged_and_nowhere_else() -> None:
-    alone = judge(recorded(1.0, motion_alone=True)).iloc[0]
-    columns = (SLIDER, FORCE, "driver_torque_error_N_m")
-    assert [mark(alone, column) for column in columns] == ["", "*", "*"]
-    assert [mark(ran(1.0), column) for column in columns] == ["", "", ""]
 
 
 def test_the_candidate_of_an_engine_is_the_setting_that_reaches_the_error_on_most_scenes() -> None:

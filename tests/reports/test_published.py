@@ -1,24 +1,89 @@
-"""The published report tells the truth about this code: its numbers come out again."""
+"""What is published tells the truth about this code: rows come out again, and tables follow from them."""
 
 import json
+import re
+import shutil
 from collections.abc import Iterator
 from functools import cache
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from reports.contents import CHAPTERS
+from reports.page import FINDINGS, write_report
+from reports.publication import FIGURES, README, answer_of, certain, costs_of, tell, write_study
 from reports.results import FACTS, published_rows
 from studies import accuracy
 from studies.case import LIMIT_S, Case, load_study, project_code, run_case
 from studies.registry import STUDIES
+from studies.store import Store
 from studies.workers import Pool
+from tests.helpers.row_files import write_rows
 
-PUBLISHED = Path(__file__).parents[2] / "reports" / "published"
+PUBLISHED = Path(__file__).parents[2] / "reports/published"
+#: The most that may be published: what is in a clone for good.
+MOST_BYTES = 5_000_000
 #: The coarsest run of every configuration on ideal joints is made again. Another machine's sine may differ in
 #: the last place, which moves an error by some multiple of the truth's own uncertainty, itself round-off.
-AGREEMENT = 1e-3
-UNCERTAINTIES = 100
+AGREEMENT, UNCERTAINTIES = 1e-3, 100
+SCENES = groupby(
+    (case for case in accuracy.cases(full=False) if not case.scene.joints_with_clearance),
+    key=lambda case: (case.scene.name, case.arm.label),
+)
+CASES = [next(cases) for _, cases in SCENES]
+
+
+def test_published_tables_claims_and_answers_follow_from_the_published_rows(tmp_path: Path) -> None:
+    report = write_report(PUBLISHED / "results", tmp_path / "page", CHAPTERS)
+    of_rows, published = (
+        {path.name: path.read_text("utf-8") for path in (*(of / "tables").glob("*.csv"), of / FINDINGS)}
+        for of in (tmp_path / "page", PUBLISHED)
+    )
+    assert published == of_rows
+    for readme, text in ((PUBLISHED / "README.md", answer_of(report)), (README, costs_of(report))):
+        copy = Path(shutil.copy(readme, tmp_path))
+        tell(copy, text)
+        assert copy.read_bytes() == readme.read_bytes(), readme
+
+
+def test_the_readme_refers_to_files_that_are_there_and_few_bytes() -> None:
+    text = (PUBLISHED / "README.md").read_text(encoding="utf-8")
+    files = {target for target in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in target}
+    assert {f"figures/{name}.svg" for name in FIGURES} <= files
+    assert [name for name in files if not (PUBLISHED / name).exists()] == []
+    assert sum(path.stat().st_size for path in PUBLISHED.rglob("*") if path.is_file()) < MOST_BYTES
+
+
+def one_run(number: int, solve_time_s: float = 1e-3, **columns: Any) -> dict[str, Any]:
+    """Return a row as a run writes it."""
+    head = {"scene": "x", "engine": "e", "arm": "a", "label": "e (a)", "step_s": 1 / 3, "round": number}
+    measured = {"error_m": 2 / 3, "solve_time_s": solve_time_s, **columns}
+    return {"case": f"c{number}", "study": "s", **head, "status": "ok", "reason": "", **measured}
+
+
+def test_published_rows_come_back_in_whatever_order_runs_finished(tmp_path: Path) -> None:
+    def written(rows: list[dict[str, Any]], results: Path) -> bytes:
+        write_rows(results, "s", rows)
+        with Store(results) as store:
+            write_study(store, "s", tmp_path)
+        return (tmp_path / "s.csv.xz").read_bytes()
+
+    rows = [one_run(number) for number in range(3)]
+    first = written(rows, tmp_path / "first")
+    assert written([row | {"case": f"b{9 - k}"} for k, row in enumerate(rows)], tmp_path / "again") == first
+    last = published_rows(tmp_path, "s")[2]
+    assert (last["step_s"], last["round"], last["solve_time_s"]) == (1 / 3, 2, 1e-3), "what was run is exact"
+    assert last["error_m"] == 0.666667
+
+
+@pytest.mark.parametrize(
+    ("error", "doubt", "shown"),
+    [(0.123456789, 1e-9, 0.123457), (0.123456789, 1e-3, 0.1235), (0.123456789, 0.3, 0.12), (0.0, 1e-3, 0.0)],
+)
+def test_an_error_has_the_digits_that_its_truth_certifies(error: float, doubt: float, shown: float) -> None:
+    assert certain(one_run(0, x_error_m=error, x_uncertainty_m=doubt))["x_error_m"] == shown
 
 
 @cache
@@ -31,15 +96,6 @@ def published_row(case: Case) -> dict[str, object]:
     rows = [row for row in rows_of(case.study) if head.items() <= row.items()]
     assert len(rows) == 1, f"{len(rows)} published rows of {head}"
     return rows[0]
-
-
-CASES = [
-    next(cases)
-    for _, cases in groupby(
-        (case for case in accuracy.cases(full=False) if not case.scene.joints_with_clearance),
-        key=lambda case: (case.scene.name, case.arm.label),
-    )
-]
 
 
 @pytest.fixture(scope="module")

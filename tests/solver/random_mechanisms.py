@@ -5,12 +5,13 @@ from dataclasses import dataclass, fields
 from typing import Any, get_args
 
 import numpy as np
+from hypothesis import strategies as st
 from numpy.random import Generator
 from numpy.typing import NDArray
 
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.kernel import FUNCTIONS, Given, Kernel, Topology, place_of_h
-from reference_solver.mechanism.constraints import Constraint
+from reference_solver.mechanism.constraints import Constraint, PrescribedSlide
 from reference_solver.mechanism.contacts import CLIPPED, CONTACT, ClearanceJoint, ContactLaw, RigidWall
 from reference_solver.mechanism.data import (
     GROUND,
@@ -19,6 +20,8 @@ from reference_solver.mechanism.data import (
     Course,
     Fluctuation,
     FrictionLaw,
+    Guide,
+    Pin,
     Ramp,
 )
 from reference_solver.mechanism.loads import Load
@@ -50,8 +53,6 @@ STABILISATIONS: dict[str, dict[str, Any]] = {
     "projection": {"projected": True},
     "baumgarte": {"baumgarte": Baumgarte(3.0, 2.0)},
 }
-
-
 #: Beyond this rounding is magnified, and nothing compared.
 WELL_CONDITIONED = 1e4
 
@@ -60,8 +61,8 @@ WELL_CONDITIONED = 1e4
 class Recipe:
     """The kinds of parts of a mechanism, whose numbers come of a seed, and what its kernel is for.
 
-    Another seed is that of a ``state``. A wall has the numbers of its law and its friction in ``LAWS`` and
-    ``FRICTIONS``, and whether its pin follows it if it is rigid.
+    A wall has the numbers of its law and its friction in ``LAWS`` and ``FRICTIONS``, and whether its pin
+    follows it if it is rigid.
     """
 
     bodies: int
@@ -71,7 +72,6 @@ class Recipe:
     stabilisation: str = "none"
     controlled: bool = False
     seed: int = 0
-    state: int = 0
 
     def topology(self) -> Topology:
         """Return the mechanism with what its kernel is written for."""
@@ -86,6 +86,23 @@ class Recipe:
         following = tuple(k for k, (law, _, stays) in enumerate(self.walls) if contacts[k].rigid and stays)
         method = dop853() if self.controlled else RK4
         return Topology(mechanism, following=following, method=method, **STABILISATIONS[self.stabilisation])
+
+
+#: Recipes at random, and those with all loads, all laws, rigid walls, and pins that follow them.
+RECIPES = st.builds(
+    Recipe,
+    st.integers(1, 3),
+    st.lists(st.sampled_from(CONSTRAINTS), max_size=5),
+    st.lists(st.sampled_from(LOADS), max_size=4),
+    st.lists(st.tuples(st.integers(0, len(LAWS) - 1), st.integers(0, 3), st.booleans()), max_size=2),
+    st.sampled_from([*STABILISATIONS]),
+    st.booleans(),
+    st.integers(0, 2**32 - 1),
+)
+LOADED = Recipe(3, (Pin, Guide, PrescribedSlide), LOADS, (), "projection")
+BY_LAWS = Recipe(2, (), (), ((0, 1, False), (1, 2, False), (2, 3, False), (3, 0, False)), "projection")
+BESIDE_WALLS = Recipe(2, (Pin,), (), ((4, 3, False), (4, 0, False), (0, 0, False)), "baumgarte")
+ON_WALLS = Recipe(2, (ClearanceJoint,), (), ((4, 1, True), (4, 2, False)), "projection", controlled=True)
 
 
 def part(kind: type, random: Generator, bodies: int, **given: Any) -> Any:
@@ -124,7 +141,7 @@ def outcomes(recipe: Recipe) -> tuple[dict[str, FloatArray], dict[str, FloatArra
     The first ones are machine code's, the others the equations' in numbers. There are none where these are
     badly conditioned.
     """
-    topology, random = recipe.topology(), np.random.default_rng([recipe.seed, recipe.state])
+    topology, random = recipe.topology(), np.random.default_rng([recipe.seed])
     n, joints = topology.n, topology.mechanism.contacts
     q_start, q, v = random.uniform(-1.0, 1.0, (3, n))
     t, h, lost = random.uniform(0.0, 1.0), 1e-2, 1e-9 * random.uniform(-1.0, 1.0, 2 * n)
@@ -151,18 +168,3 @@ def outcomes(recipe: Recipe) -> tuple[dict[str, FloatArray], dict[str, FloatArra
         condition = kernel[name](kernel.p, contacts.ctypes.data, t, y, out)
         compiled[name] = np.array([*out, condition])
     return compiled, numbers
-
-
-def solved(recipe: Recipe) -> tuple[FloatArray, FloatArray]:
-    """Return accelerations and multipliers by the equations' factors, and by the whole matrix."""
-    topology, random = recipe.topology(), np.random.default_rng([recipe.seed, recipe.state])
-    q_start, q, v = random.uniform(-1.0, 1.0, (3, topology.n))
-    equations = Equations(topology.mechanism, q_start)
-    answer = equations.answer(0.3, q, v)
-    if not answer.condition < WELL_CONDITIONED:
-        return np.zeros(0), np.zeros(0)
-    system, F, zeros = equations.system(0.3, q, v), equations.applied_force(0.3, q, v), np.zeros
-    B, rows = np.asarray(system.B, dtype=float), len(system.B)
-    whole = np.block([[np.diag(equations.mass.astype(float)), -B.T], [B, zeros((rows, rows))]])
-    dense = np.linalg.solve(whole, np.array([*F, *(system.C_dot - system.B_dot_v)], dtype=float))
-    return np.array([*answer.accelerations, *answer.multipliers], dtype=float), dense

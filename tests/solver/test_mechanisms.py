@@ -1,51 +1,62 @@
-"""The reference solver is general: other mechanisms, built with its public API, against own derivations."""
+"""Joints and loads against derivatives of their own, motions in closed form, and what is refused."""
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
+from reference_solver.energy import created_J, kinetic_J
 from reference_solver.equations import Equations
-from reference_solver.failures import InconsistentStart, NonFiniteState
+from reference_solver.failures import InconsistentStart, NonFiniteState, SingularConfiguration
 from reference_solver.mechanism.constraints import PrescribedMotion, PrescribedSlide
 from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall
 from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Fluctuation, Guide, Pin, Spring
-from reference_solver.mechanism.loads import Torque
+from reference_solver.mechanism.loads import (
+    AlongLine,
+    ConstantForce,
+    ForceByTime,
+    GasForce,
+    LineDamper,
+    LineSpring,
+    Load,
+    Torque,
+)
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solution import Solution
-from reference_solver.solver import solve
+from reference_solver.mechanism.motions import PiecewiseCubic
+from reference_solver.solver import ErrorControl, StepChoice
 from tests.helpers.chains import chain, chain_start
 from tests.helpers.kernels import straight_guide
 from tests.helpers.orders import ORDER_TOLERANCE, slope
+from tests.solver.pins import run
 
 FloatArray = NDArray[np.float64]
-#: A mechanism, coordinates and velocities.
-Start = tuple[Mechanism, FloatArray, FloatArray]
-GRAVITY = 9.81
+#: Central differences with a step of 1e-6 of functions of order 1 to 10.
+STEP, DIFFERENCE = 1e-6, 1e-7
+#: A line of body 0 with a point of body 1 that is not on it, and a line of the frame.
+LINE, FIXED = (0, (0.1, -0.2), 1, (0.3, 0.05), 0.7), (GROUND, (0.4, 0.1), 1, (0.3, 0.05), -1.1)
 
-# Rows of [B]
+
+def rate(function: Callable[[float], FloatArray]) -> FloatArray:
+    return (function(STEP) - function(-STEP)) / (2 * STEP)
 
 
 def test_rows_of_constraints_are_the_derivatives_of_their_gaps() -> None:
-    """By central differences with a step of 1e-6 of functions of order 1 to 10."""
-    h, at, motion = 1e-6, 0.37, Fluctuation(0.4, 1.3, 5.0 / (2 * np.pi), 0.2)
-    line = (0, (0.1, -0.2), 1, (0.3, 0.05), 0.7)
+    at, motion, wall = 0.37, Fluctuation(0.4, 1.3, 5.0 / (2 * np.pi), 0.2), RigidWall(0.0)
     constraints = (
         Pin(1, (0.2, 0.3), 2, (-0.4, 0.1)),
-        Guide(*line),
+        Guide(*LINE),
         Guide(GROUND, (0.4, 0.1), 2, (-0.1, 0.2), -1.1),
         Guide(2, (0.0, 0.3), GROUND, (0.5, -0.6), 2.0),
         PrescribedMotion(0, ConstantSpeed(4.0)),
         PrescribedMotion(1, motion),
-        PrescribedSlide(*line, motion),
-        PrescribedSlide(GROUND, (0.4, 0.1), 1, (0.3, 0.05), -1.1, motion),
+        PrescribedSlide(*LINE, motion),
+        PrescribedSlide(*FIXED, motion),
         PrescribedSlide(1, (0.2, 0.1), GROUND, (1.0, 0.3), 0.2, motion),
-        ClearanceJoint(0, (0.05, -0.1), 1, (-0.3, 0.02), 0.5, 1.0, RigidWall(0.0)),
-        ClearanceJoint(GROUND, (0.5, 0.7), 2, (0.1, 0.0), 0.3, 1.0, RigidWall(0.0)),
+        ClearanceJoint(0, (0.05, -0.1), 1, (-0.3, 0.02), 0.5, 1.0, wall),
+        ClearanceJoint(GROUND, (0.5, 0.7), 2, (0.1, 0.0), 0.3, 1.0, wall),
     )
     q, v, start = np.linspace(-1.0, 1.4, 9), np.linspace(2.0, -1.5, 9), np.linspace(0.3, -0.2, 9)
     equations = Equations(Mechanism((Body(1.0, 1.0),) * 3, constraints), start)
@@ -54,108 +65,161 @@ def test_rows_of_constraints_are_the_derivatives_of_their_gaps() -> None:
     B, turned = equations.constraint_matrix(q), 0.4 * at + 1.3 / 5.0 * (np.cos(0.2) - np.cos(5.0 * at + 0.2))
     moved = equations.violation(at, q) - equations.violation(0.0, q)
     assert moved[8:] == pytest.approx([-4.0 * at, *[-turned] * 4, 0.0, 0.0])
-
-    def rate(function: Callable[[float], FloatArray]) -> FloatArray:
-        return (function(h) - function(-h)) / (2 * h)
-
     for column, way in enumerate(np.eye(9)):
         found = rate(lambda x, way=way: equations.violation(0.0, q + x * way))  # type: ignore[misc]
-        assert np.abs(found - B[:, column]).max() < 1e-8, column
+        assert np.abs(found - B[:, column]).max() < DIFFERENCE, column
     found = rate(lambda x: equations.constraint_matrix(q + x * v) @ v)
-    assert np.abs(found - equations.centripetal(q, v)).max() < 1e-8 * np.abs(v).max() ** 2
-    assert np.abs(rate(lambda x: equations.violation(at + x, q)) + equations.speeds(at)).max() < 1e-7
-    assert np.abs(rate(lambda x: equations.speeds(at + x)) - equations.system(at, q, v).C_dot).max() < 1e-7
+    assert np.abs(found - equations.centripetal(q, v)).max() < DIFFERENCE
+    assert np.abs(rate(lambda x: equations.violation(at + x, q)) + equations.speeds(at)).max() < DIFFERENCE
+    accelerated = equations.system(at, q, v).C_dot
+    assert np.abs(rate(lambda x: equations.speeds(at + x)) - accelerated).max() < DIFFERENCE
 
 
-# Motion
+# Loads
 
-ALONG = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
-TIMES = np.linspace(0.0, 1.0, 11)
-
-
-def oscillator(damping: float) -> Mechanism:
-    """A block of 2 kg on a guide at 30 degrees, held by a spring of 200 N/m and free length 0.4 m."""
-    guide, end = straight_guide(0, (0.0, 0.0), np.pi / 6), (float(ALONG[0]), float(ALONG[1]))
-    spring = Spring(GROUND, end, 0, (0.0, 0.0), 200.0, damping, 0.4)
-    return Mechanism((Body(2.0, 1.0),), guide, (spring,))
+BODIES = (Body(1.0, 0.3), Body(2.0, 0.5))
+Q, V, NOW = np.array([0.2, -0.3, 0.5, 1.1, 0.4, -0.8]), np.array([0.7, -0.4, 1.9, -0.6, 0.3, -1.2]), 0.37
+CUBIC = PiecewiseCubic((0.0, 2.0, -0.5, 0.3, -0.04))
+#: Straight lines with kinks, at times that no step of a run without them lands on.
+TIMES, VALUES = (0.0, 0.21, 0.34, 0.55, 0.8), (1.0, -6.0, 4.0, 5.0, 0.0)
+SLOPES = (*(np.diff(VALUES) / np.diff(TIMES)).tolist(), 0.0)
+TABLE = PiecewiseCubic(tuple(x for row in zip(TIMES, VALUES, SLOPES, strict=True) for x in (*row, 0.0, 0.0)))
 
 
-def off_the_swing(run: Solution) -> list[float]:
-    """Return the largest error of a block's place."""
-    decay, frequency = 1.0, np.sqrt(99.0)
-    swing = np.cos(frequency * TIMES) + decay / frequency * np.sin(frequency * TIMES)
-    return [np.abs(run.q - np.outer(0.6 + 0.05 * np.exp(-decay * TIMES) * swing, ALONG)).max()]
+def cubic(x: float) -> float:
+    """Return what ``CUBIC`` is."""
+    return 2.0 - 0.5 * x + 0.3 * x**2 - 0.04 * x**3
 
 
-def hung(length: float, angle: float, rate: float) -> tuple[Mechanism, FloatArray, FloatArray]:
-    """Return a body on a link without mass from the ground to its centre of mass, which spins on its own."""
-    link = ClearanceJoint(GROUND, (0, 0), 0, (0, 0), length, 1.0, RigidWall(0.0))
-    mechanism = Mechanism((Body(2.0, 0.1),), (link,), (), GRAVITY)
-    cos, sin = length * np.cos(angle), length * np.sin(angle)
-    return mechanism, np.array([sin, -cos, 0.4]), np.array([cos * rate, sin * rate, 3.0])
+def way(line: AlongLine, q: FloatArray) -> float:
+    """Return s: how far along the line, from its point, the point of body j is."""
+
+    def place(body: int, point: tuple[float, float]) -> complex:
+        x, y, angle = (0.0, 0.0, 0.0) if body == GROUND else q[3 * body : 3 * body + 3]
+        return complex(complex(x, y) + complex(*point) * np.exp(1j * angle))
+
+    angle = line.angle_rad + (0.0 if line.body_i == GROUND else q[3 * line.body_i + 2])
+    apart = place(line.body_j, line.point_j) - place(line.body_i, line.point_i)
+    return float((apart * np.exp(-1j * angle)).real)
 
 
-def off_the_pendulum(run: Solution) -> list[float]:
-    """Return the largest errors of place and angle, and of the pull along the link of 0.5 m."""
-
-    def rates(_: float, y: FloatArray) -> list[float]:
-        return [y[1], -GRAVITY / 0.5 * np.sin(y[0])]
-
-    angle, rate = solve_ivp(rates, (0.0, 1.0), [1.2, 2.0], "DOP853", TIMES, rtol=1e-13, atol=1e-14).y
-    place = np.column_stack([0.5 * np.sin(angle), -0.5 * np.cos(angle), 0.4 + 3.0 * TIMES])
-    pull = 2.0 * (GRAVITY * np.cos(angle) + 0.5 * rate**2)
-    return [np.abs(run.q - place).max(), np.abs(run.multipliers[:, 0] * 0.5 + pull).max()]
+def along(line: tuple[int, tuple[float, float], int, tuple[float, float], float]) -> tuple[Load, ...]:
+    force, spring = ConstantForce(*line, 3.0), LineSpring(*line, 40.0, 0.2)
+    return force, spring, LineDamper(*line, 5.0), GasForce(*line, 1, CUBIC), ForceByTime(*line, CUBIC)
 
 
-CASES: dict[str, tuple[Start, tuple[int, ...], Callable[[Solution], list[float]]]] = {
-    "damped block on an inclined guide": (
-        (oscillator(4.0), 0.65 * ALONG, np.zeros(3)),
-        (10, 20, 40),
-        off_the_swing,
-    ),
-    "link without mass": (hung(0.5, 1.2, 2.0), (20, 40, 80), off_the_pendulum),
-}
+@pytest.mark.parametrize("load", [*along(LINE), *along(FIXED)], ids=lambda load: type(load).__name__)
+def test_a_load_along_a_line_does_the_work_of_its_force_on_s(load: AlongLine) -> None:
+    row = np.array([rate(lambda x, by=by: np.float64(way(load, Q + x * by))) for by in np.eye(6)])  # type: ignore[misc]
+    forces = {
+        ConstantForce: 3.0,
+        LineSpring: -40.0 * (way(load, Q) - 0.2),
+        LineDamper: -5.0 * (row @ V),
+        GasForce: cubic(Q[5]),
+        ForceByTime: cubic(NOW),
+    }
+    expected = forces[type(load)] * row
+    equations = Equations(Mechanism(BODIES, (), (load,)), Q)
+    assert np.abs(equations.applied_force(NOW, Q, V) - expected).max() < 10 * DIFFERENCE
+    if isinstance(load, ConstantForce | LineSpring):
+        assert np.abs(equations.stored_force(Q) - expected).max() < 10 * DIFFERENCE
+    else:
+        assert not equations.stored_force(Q).any()
+        power = equations.answer(NOW, Q, V).powers["load0"]
+        assert power == pytest.approx(expected @ V, abs=10 * DIFFERENCE)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_a_mechanism_converges_at_order_four_to_its_closed_form(name: str) -> None:
-    start, counts, errors = CASES[name]
-    runs = [solve(*start, end_time_s=1.0, samples=10, step=0.1 / n, stabilisation="none") for n in counts]
-    for found in zip(*map(errors, runs), strict=True):
-        order = -slope(counts, found)
-        assert abs(order - 4) < ORDER_TOLERANCE, f"order {order:.3f} from errors {found}"
+def test_loads_between_free_bodies_keep_momentum_and_the_ledger_closes() -> None:
+    spring = Spring(0, (0.1, 0.0), 1, (0.0, 0.2), 30.0, 4.0, 0.5)
+    mechanism = Mechanism(BODIES, (), (*along(LINE)[:4], ForceByTime(*LINE, TABLE), spring))
+    found = run(mechanism, Q, V, 1.0, 500)
+    masses, inertias = np.array([[body.mass_kg, body.inertia_kg_m2] for body in BODIES]).T
+    x, y, _ = found.q.reshape(-1, 2, 3).transpose(2, 0, 1)
+    x_rate, y_rate, spin = found.v.reshape(-1, 2, 3).transpose(2, 0, 1)
+    momenta = x_rate @ masses, y_rate @ masses, (x * y_rate - y * x_rate) @ masses + spin @ inertias
+    assert np.ptp(spin, axis=0).min() > 0.3, "there is something to keep"
+    for momentum, bound in zip(momenta, (1e-12, 1e-12, 1e-8), strict=True):  # linear ones to round-off
+        assert np.abs(momentum - momentum[0]).max() < bound
+    assert created_J(found).max() < 1e-7 * kinetic_J(mechanism, found.v).max()
+
+
+@pytest.mark.parametrize(("step", "bound"), [(143, 1e-13), (ErrorControl(1e-12), 1e-10)])
+def test_a_force_by_time_is_exact_where_its_lines_are_since_steps_land_on_its_kinks(
+    step: int | ErrorControl, bound: float
+) -> None:
+    mass, tilt, g, g_x = 2.0, 0.4, 9.81, 3.0
+    force = ForceByTime(GROUND, (0.0, 0.0), 0, (0.0, 0.0), tilt, TABLE)
+    guide = straight_guide(0, (0.0, 0.0), tilt)
+    block = Mechanism((Body(mass, 1.0),), guide, (force,), g, gravity_x_m_s2=g_x)
+    found = run(block, np.zeros(3), np.zeros(3), 1.0, step)
+    u, expected = np.array([np.cos(tilt), np.sin(tilt), 0.0]), []
+    for end in found.time_s:
+        s = speed = 0.0
+        for a, b in pairwise(np.unique(np.clip([0.0, *TIMES, end], 0.0, end))):
+            first, last = np.interp([a, b], TIMES, VALUES) / mass - g * u[1] + g_x * u[0]
+            h = b - a
+            s, speed = s + h * speed + h**2 * (2 * first + last) / 6, speed + h * (first + last) / 2
+        expected.append((s, speed))
+    s, speed = np.array(expected).T
+    assert np.abs(found.q - np.outer(s, u)).max() < bound
+    assert np.abs(found.v - np.outer(speed, u)).max() < bound
+    gained = mass * speed**2 / 2 + mass * (g * u[1] - g_x * u[0]) * s
+    assert np.abs(found.sums["load0"] - gained).max() < 10 * bound
+
+
+def oscillator(damping: float) -> tuple[Mechanism, FloatArray, FloatArray]:
+    """Return a block of 2 kg on a guide at 30 degrees and a spring of 200 N/m and 0.4 m, and its start."""
+    along = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
+    spring = Spring(GROUND, (float(along[0]), float(along[1])), 0, (0.0, 0.0), 200.0, damping, 0.4)
+    guide = straight_guide(0, (0.0, 0.0), np.pi / 6)
+    return Mechanism((Body(2.0, 1.0),), guide, (spring,)), 0.65 * along, np.zeros(3)
+
+
+def test_a_damped_block_converges_at_order_four_to_its_closed_form() -> None:
+    times, decay, frequency, counts = np.linspace(0.0, 1.0, 11), 1.0, np.sqrt(99.0), [100, 200, 400]
+    swing = np.cos(frequency * times) + decay / frequency * np.sin(frequency * times)
+    mechanism, q, v = oscillator(4.0)
+    expected = np.outer(0.6 + 0.05 * np.exp(-decay * times) * swing, q / 0.65)
+    errors = [float(np.abs(run(mechanism, q, v, 1.0, n).q - expected).max()) for n in counts]
+    assert abs(-slope(counts, errors) - 4) < ORDER_TOLERANCE, errors
+
+
+def test_a_torque_on_a_pinned_wheel_gives_the_textbook_angle_exactly() -> None:
+    pin = Pin(GROUND, (0.0, 0.0), 0, (0.0, 0.0))
+    wheel = Mechanism((Body(1.0, 0.5),), (pin,), (Torque(0, 2.0),))
+    # RK4 integrates a quadratic exactly: only round-off is left.
+    assert run(wheel, np.zeros(3), np.zeros(3), 1.0, 8, 1).q[-1, 2] == pytest.approx(2.0, abs=1e-14)
 
 
 # What is refused, and where runs end
 
-ANGLES, RATES = np.array([-0.3, -1.2, 0.4]), np.array([1.0, -2.0, 3.0])
+SWING, START = chain(3), chain_start(np.array([-0.3, -1.2, 0.4]), np.array([1.0, -2.0, 3.0]))
 
 
-def test_a_torque_on_a_pinned_wheel_gives_the_textbook_angle_exactly() -> None:
-    wheel = Mechanism((Body(1.0, 0.5),), (Pin(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),), (Torque(0, 2.0),))
-    run = solve(wheel, np.zeros(3), np.zeros(3), end_time_s=1.0, samples=1, step=1 / 8)
-    # RK4 integrates a quadratic exactly: only round-off is left.
-    assert run.q[-1, 2] == pytest.approx(2.0, abs=1e-14)
-
-
-@pytest.mark.parametrize(("dq", "dv", "message"), [(1e-6, 0.0, "positions"), (0.0, 1e-3, "velocities")])
-def test_an_inconsistent_start_is_refused(dq: float, dv: float, message: str) -> None:
-    q, v = chain_start(ANGLES, RATES)
-    with pytest.raises(InconsistentStart, match=message):
-        solve(chain(3), q + dq, v + dv, end_time_s=1.0, samples=1, step=1.0)
-
-
-def test_an_unstable_step_ends_in_an_error_that_says_when() -> None:
+def test_starts_off_the_constraints_and_steps_that_blow_up_are_refused() -> None:
+    for dq, dv, message in ((1e-6, 0.0, "positions"), (0.0, 1e-3, "velocities")):
+        with pytest.raises(InconsistentStart, match=message):
+            run(SWING, START[0] + dq, START[1] + dv, 1.0, 1)
     # omega h = 10 * 0.5 is past RK4's limit of 2.8284, so the state grows until it overflows.
     with pytest.raises(NonFiniteState, match=r"t = .* s with step 0\.5 s"):
-        solve(oscillator(0.0), 0.65 * ALONG, np.zeros(3), end_time_s=500.0, samples=1, step=0.5)
-
-
-@pytest.mark.parametrize("stabilisation", ["none", "projection"])
-def test_an_overflow_is_found_in_its_step_where_each_constraint_has_a_coordinate_of_its_own(
-    stabilisation: Literal["none", "projection"],
-) -> None:
+        run(*oscillator(0.0), 500.0, StepChoice(0.5), 1)
     far_too_stiff = Spring(GROUND, (1.0, 0.3), 2, (0.1, 0.0), 1e12, 0.0, 0.1)
-    swing, start = replace(chain(3), loads=(far_too_stiff,)), chain_start(ANGLES, RATES)
     with pytest.raises(NonFiniteState, match=r"t = 0\.00[1-9] s"):
-        solve(swing, *start, end_time_s=1.0, samples=1, step=1e-3, stabilisation=stabilisation)
+        run(replace(SWING, loads=(far_too_stiff,)), *START, 1.0, 1000, 1)
+
+
+def test_a_dependence_is_told_by_the_names_of_the_joints_in_it() -> None:
+    ends, far = (GROUND, (0.0, 0.0), 0, (0.0, 0.0)), Pin(0, (1.0, 0.0), 1, (0.0, 0.0), "A")
+    drive = PrescribedMotion(0, ConstantSpeed(1.0))
+    for constraints, rank, rows, joints in (
+        ((Pin(*ends), far, Pin(*ends)), 4, 6, ("Pin 0", "Pin 2")),
+        ((Pin(*ends, "C"), far, Pin(*ends, "C")), 4, 6, ("C",)),
+        ((Pin(*ends, "O"), far, Pin(*ends, "P")), 4, 6, ("O", "P")),
+        ((Pin(*ends), drive, drive), 3, 4, ("drive",)),
+    ):
+        turning = np.array([0.0, 0.0, float(drive in constraints), 0.0, 0.0, 0.0])
+        with pytest.raises(SingularConfiguration) as refusal:
+            run(Mechanism(BODIES, constraints), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0], turning, 1.0, 143)
+        assert (refusal.value.rank, refusal.value.rows, refusal.value.joints) == (rank, rows, joints)
+        told = f"the joints' rows have rank {rank} of {rows} at t = 0 s, those of {', '.join(joints)} depend"
+        assert str(refusal.value).startswith(told)

@@ -13,6 +13,7 @@ from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
+from studies.judges.columns import accelerations, on_ground
 from tests.engines.runs import run
 from tests.scenes import scene
 
@@ -54,7 +55,7 @@ def ran(name: str) -> tuple[Scene, Trajectory, FloatArray]:
 def ground_of(of: Scene, run: Trajectory) -> FloatArray:
     """Return force and torque (n, 3) on the ground."""
     forces = Forces(of)
-    return forces.on_ground(run, forces.accelerations(run))
+    return on_ground(forces, run, accelerations(forces, run))
 
 
 def close(found: FloatArray, true: FloatArray, scale: float | np.floating) -> None:
@@ -64,7 +65,7 @@ def close(found: FloatArray, true: FloatArray, scale: float | np.floating) -> No
 @pytest.mark.parametrize("name", STEPS)
 def test_what_acts_on_bodies_accelerates_them_as_the_solver_says(name: str) -> None:
     of, run, true = ran(name)
-    found = Forces(of).accelerations(run)
+    found = accelerations(Forces(of), run)
     for part in (slice(0, 2), slice(2, 3)):
         close(found[..., part], true[..., part], np.abs(true[..., part]).max())
 

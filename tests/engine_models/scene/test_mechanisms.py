@@ -140,20 +140,6 @@ def test_what_is_observed_is_a_place_an_angle_or_a_way(text: str, body: int, wha
     assert (observed.body, observed.what, observed.unit) == (body, what, unit)
 
 
-def test_numbers_may_be_text_with_a_unit_in_lists_and_mappings_too() -> None:
-    text = changed(
-        FOUR_BAR,
-        ("C = [0.28, 0.0]", 'C = ["280 mm", "0 m"]'),
-        ("A = 0.1 }", 'A = "10 cm" }'),
-        ("crank = 0.7", 'crank = "30 deg"'),
-        ("crank = 20.0", 'crank = "1500 rpm"'),
-    )
-    scene, by_numbers = from_toml(text), from_toml(FOUR_BAR)
-    assert scene.start.angle_rad["crank"] == pytest.approx(math.pi / 6, rel=1e-15)
-    assert scene.start.speed_rad_s["crank"] == pytest.approx(50 * math.pi, rel=1e-15)
-    assert (scene.ground, scene.body) == (by_numbers.ground, by_numbers.body)
-
-
 # Tables in files
 
 BED = [("speed_rad_s = { crank = 12.0 }\n", ""), ('hold = ["crank"]\n', 'hold = ["bed"]\n')]

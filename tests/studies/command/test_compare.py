@@ -1,17 +1,14 @@
 """``crankslider compare``: two real engines on a short scene of the user's, and a second call resumes."""
 
-import csv
 import re
 from html import unescape
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import crankslider as cs
 from studies.store import Store
 from tests.helpers.command import Finished, crankslider
-from tests.studies.truth.closed_forms.crank_slider import exact
 
 pytestmark = pytest.mark.system
 
@@ -48,21 +45,6 @@ def test_the_page_has_the_recommendation_its_figures_and_its_tables(done: Finish
     files = set(re.findall(r'(?:src|href)="([^"#]+)"', page))
     assert sum(file.endswith(".svg") for file in files) >= 3
     assert [file for file in files if not (folder / file).is_file()] == []
-
-
-@pytest.mark.usefixtures("done")
-def test_the_error_in_the_rows_is_that_of_the_run_at_its_settings(folder: Path) -> None:
-    short = cs.load(folder / "mine.toml").replace("end_time_s", END_S)
-    with (folder / "rows.csv").open(encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row["arm"] == "projection" and not row["round"]]
-    row = max(rows, key=lambda row: float(row["step_s"]))
-    samples = int(float(row["samples"]))
-    run = cs.simulate(
-        short, step=float(row["step_s"]), samples=samples, settings={"stabilisation": "projection"}
-    )
-    truth = exact(short, samples).position[:, -1, 0]
-    error = np.abs(run.frame["slider_position_m"].to_numpy() - truth).max()
-    assert float(row["slider_position_error_m"]) == pytest.approx(error, rel=1e-6)
 
 
 @pytest.mark.usefixtures("done")

@@ -10,9 +10,11 @@ STEPS = tuple(1e-3 / 2.0**k for k in range(8))
 
 @pytest.mark.parametrize("order", [1, 2, 4])
 def test_a_clean_power_law_gives_its_order_exactly_from_the_finest_four(order: int) -> None:
-    found = observed_order(STEPS, [3.0 * h**order for h in STEPS])
+    errors = [3.0 * h**order for h in STEPS]
+    found = observed_order(STEPS, errors)
     assert found.slope == pytest.approx(order, abs=1e-9)
     assert found.steps == STEPS[-4:]
+    assert observed_order(STEPS[::-1], errors[::-1]) == found, "whatever the order of the points"
 
 
 def test_no_order_is_claimed_of_errors_as_large_as_a_tenth_of_the_signal() -> None:
@@ -24,11 +26,6 @@ def test_no_order_is_claimed_of_errors_as_large_as_a_tenth_of_the_signal() -> No
     assert finest.steps == STEPS[-3:]
 
 
-def test_the_order_does_not_depend_on_the_order_of_the_points() -> None:
-    errors = [h**2 for h in STEPS]
-    assert observed_order(STEPS[::-1], errors[::-1]) == observed_order(STEPS, errors)
-
-
 @pytest.mark.parametrize("order", [1, 2, 4])
 def test_points_near_the_truths_uncertainty_are_left_out(order: int) -> None:
     floor = STEPS[4] ** order  # met at the fifth step
@@ -37,10 +34,8 @@ def test_points_near_the_truths_uncertainty_are_left_out(order: int) -> None:
     found = observed_order(STEPS, errors, floor)
     used = dict(zip(STEPS, errors, strict=True))
     assert all(used[h] >= ABOVE_FLOOR * floor for h in found.steps)
-    if order == 4:
-        assert found.slope == pytest.approx(order, abs=0.15)
-    else:
-        assert found.verdict == "too few points" or found.slope == pytest.approx(order, abs=0.15)
+    few = found.verdict == "too few points" and order < 4
+    assert few or found.slope == pytest.approx(order, abs=0.15)
 
 
 def test_an_engines_own_flat_floor_is_left_out_without_being_told_it() -> None:
@@ -49,20 +44,9 @@ def test_an_engines_own_flat_floor_is_left_out_without_being_told_it() -> None:
     found = observed_order(STEPS, [h**4 + floor * part for h, part in zip(STEPS, noise, strict=True)])
     assert found.slope == pytest.approx(4, abs=0.1)
     assert min(found.steps) > STEPS[4]
-
-
-def test_saturated_and_pre_asymptotic_coarse_points_are_left_out() -> None:
-    errors = [0.1, 0.11, 0.09, 4e-2, *(1e-2 / 4.0**k for k in range(4))]
-    found = observed_order(STEPS, errors)
-    assert found.slope == pytest.approx(2, abs=1e-9)
-    assert found.steps == STEPS[4:]
-
-
-def test_a_finest_point_that_only_begins_to_feel_a_floor_is_left_out() -> None:
-    errors = [h**4 + 0.5 * STEPS[-1] ** 4 * 4 for h in STEPS]
-    found = observed_order(STEPS, errors)
-    assert found.slope == pytest.approx(4, abs=0.1)
-    assert STEPS[-1] not in found.steps
+    begun = observed_order(STEPS, [h**4 + 0.5 * STEPS[-1] ** 4 * 4 for h in STEPS])
+    assert begun.slope == pytest.approx(4, abs=0.1)
+    assert STEPS[-1] not in begun.steps, "a finest point that only begins to feel it"
 
 
 @pytest.mark.parametrize(
@@ -70,10 +54,12 @@ def test_a_finest_point_that_only_begins_to_feel_a_floor_is_left_out() -> None:
     [
         ([3e-16, 1e-16, 2e-16, 1e-16], 1e-16, "round-off"),
         ([2e-12, 1.9e-12, 2.1e-12, 2e-12], 1e-16, "flat"),
-        ([1e-2, 1e-3], 0.0, "too few points"),
         ([], 0.0, "too few points"),
         ([1e-2, 1e-4, 1e-6, 1e-6], 0.0, "too few points"),
         ([1.0, 0.6, 0.2, 0.02], 0.0, "irregular"),
+        ([1.0, 0.5**4, 0.5**5], 0.0, "too few points"),  # of three the last one bends
+        ([1.0, 1.0, 0.5**0.9], 0.0, "too few points"),  # two fall, but little
+        ([1.0, 1.0, 0.5**0.4], 0.0, "flat"),
     ],
 )
 def test_no_order_is_claimed_without_a_straight_line(errors: list[float], floor: float, verdict: str) -> None:
@@ -104,22 +90,5 @@ def test_the_points_of_an_order(
     order = observed_order(steps, [0.5**k for k in exponents], scale=scale)
     assert order.slope == pytest.approx(slope, abs=1e-9)
     assert order.steps == tuple(steps[k] for k in points)
-
-
-@pytest.mark.parametrize(
-    ("exponents", "verdict"),
-    [
-        ((0, 4, 5), "too few points"),  # of three the last one bends
-        ((0, 0, 0.9), "too few points"),  # two fall, but little
-        ((0, 0, 0.4), "flat"),
-    ],
-)
-def test_without_three_points_no_order(exponents: tuple[float, ...], verdict: str) -> None:
-    errors = [0.5**k for k in exponents]
-    assert observed_order([0.5**k for k in range(len(errors))], errors).verdict == verdict
-
-
-def test_an_error_of_ten_uncertainties_counts_for_an_order() -> None:
-    order = observed_order([1.0, 0.5, 0.25], [160.0, 40.0, 10.0], 1.0)
-    assert order.slope == pytest.approx(2.0, abs=1e-9)
-    assert order.steps == (1.0, 0.5, 0.25)
+    of_ten = observed_order([1.0, 0.5, 0.25], [160.0, 40.0, 10.0], 1.0)
+    assert of_ten.slope == pytest.approx(2.0, abs=1e-9), "an error of ten uncertainties counts"

@@ -1,0 +1,52 @@
+"""Where bodies would be if no joint had clearance: the positions nearest to given ones that close all joints.
+
+Gauss-Newton in the norm of [M]: q - M^-1 B^T (B M^-1 B^T)^-1 g closes the rows g of joints and guides, whose
+rates are B q', to first order.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from engine_models.engine import FloatArray
+from engine_models.minimal.forces import ZERO
+from engine_models.minimal.model import Numbers, damping_of
+from engine_models.scene.scene import Scene
+from reference_solver.mechanism.data import ConstantSpeed, DriveData
+
+#: Steps at the most, and turns in a step; one no longer than this, in m and rad, is the last: what it leaves
+#: is of the order of its square.
+MOST_STEPS, TURN_RAD, SHORT = 12, 0.5, 1e-9
+#: Rows with a least singular value below this, of the largest, may depend on each other once joints with
+#: clearance are closed. Singular values below its tenth are then 0.
+DEPENDENT = 1e-2
+
+
+def closed(scene: Scene, position: FloatArray, turning: int | None) -> FloatArray:
+    """Return the positions (n, bodies, 3) nearest to given ones with all joints closed; NaN where none is.
+
+    They are the nearest to first order in the distance. A ``turning`` body keeps its angle. A body in a guide
+    keeps the angle that it has there in the first one.
+    """
+    pins = tuple(replace(pin, clearance=None, bearing_on_j=False) for pin in scene.mechanism.pins)
+    drive = DriveData(0) if turning is None else DriveData(turning, law=ConstantSpeed(0.0))
+    begun = position.reshape(len(position), -1)
+    of = replace(scene.mechanism, pins=pins, drive=drive, loads=(), springs=())
+    numbers = Numbers(of, begun[0].copy(), damping_of)
+    weights = 1 / numbers.masses.ravel()
+    first = numbers.look(0.0, begun[0])[0] * np.sqrt(weights)
+    values = np.linalg.svd(first / np.linalg.norm(first, axis=1, keepdims=True), compute_uv=False)
+    dependent, at, step = bool(values[-1] < DEPENDENT * values[0]), begun, np.full(len(begun), np.inf)
+    for _ in range(MOST_STEPS):
+        B, open_by, *_ = numbers.look(0.0, at)
+        if turning is not None:  # its row, the last, is from the angle in the first position
+            open_by[:, -1] -= begun[:, 3 * turning + 2] - begun[0, 3 * turning + 2]
+        weighted = weights * B @ B.swapaxes(1, 2)
+        inverse = np.linalg.pinv(weighted, (DEPENDENT / 10) ** 2 if dependent else ZERO, hermitian=True)
+        force = np.einsum("nij,nj->ni", inverse, open_by)
+        move = weights * np.einsum("nmk,nm->nk", B, force)
+        step, turn = np.abs(move).max(axis=1), np.abs(move[:, 2::3]).max(axis=1)
+        at = at - move * np.minimum(1.0, TURN_RAD / np.maximum(turn, TURN_RAD))[:, None]
+        if not (step > SHORT).any():
+            break
+    return np.where((step <= SHORT)[:, None], at, np.nan).reshape(position.shape)
