@@ -41,7 +41,8 @@ class PymunkEngine(Engine):
     """Settings of the Pymunk model; the defaults are its best practice.
 
     ``iterations`` is the number of Gauss-Seidel sweeps over joints and contacts in a step; without one there
-    are a hundred, or more where joints converge slowly (``model.sweeps_of``). What they leave of an open
+    are a hundred, or more after a sample where joints converge slowly (``model.sweeps_of``), as they do near
+    a dead centre. What they leave of an open
     joint has to stay below a half where ``error_bias``, the fraction of a joint's position error that is left
     after a second, is 0: all of it is taken back in every step then. A crank-slider has nothing to gain from
     more than ten, Andrews' squeezer needs 45 and a quick return 70. Between rigid walls impulses have to get
@@ -159,4 +160,5 @@ class PymunkEngine(Engine):
         space.collision_persistence = self.collision_persistence
         for joint in space.constraints:
             joint.error_bias = self.error_bias
-        return Loop(scene, settings, model, velocity, self.half_kick_start, self.shorter_in_contact)
+        varies = self.iterations is None
+        return Loop(scene, settings, model, velocity, self.half_kick_start, self.shorter_in_contact, varies)

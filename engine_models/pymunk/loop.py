@@ -11,7 +11,7 @@ from engine_models.engine import FloatArray, RunSettings, SimulationFailed
 from engine_models.minimal import equations as eq
 from engine_models.progress import tell
 from engine_models.pymunk import kicks
-from engine_models.pymunk.model import Model, changes_speed
+from engine_models.pymunk.model import Model, changes_speed, sweeps_of
 from engine_models.pymunk.native_contact import NativeContact
 from engine_models.scene.scene import Scene
 
@@ -39,9 +39,10 @@ class Loop:
         velocity: FloatArray,
         half_kick: bool,
         shorter: float,
+        sweeps_vary: bool,
     ) -> None:
         """Begin with velocities (bodies, 3) of the centres of mass."""
-        self.settings, self.model, self.half_kick = settings, model, half_kick
+        self.settings, self.model, self.half_kick, self._sweeps_vary = settings, model, half_kick, sweeps_vary
         self.end_s, self.steps, self.solve_time_s, self.engine_time_s = scene.end_time_s, 0, 0.0, 0.0
         self.forces = forces = model.forces
         step_s, size, m = settings.step_used_s(self.end_s), forces.size, forces.rows
@@ -84,6 +85,9 @@ class Loop:
         coasts = not (self._looks or self._changes or every_step)
         began = perf_counter()
         for n in range(1, settings.samples + 1):
+            if n > 1 and self._sweeps_vary:
+                self.account(kicks.KNOWN)
+                self.model.space.iterations = sweeps_of(self.forces, self.q)
             left = int(plan[kicks.STEPS]) if varies else steps
             if coasts:  # nothing is to be set: a loop of steps alone
                 started = perf_counter()

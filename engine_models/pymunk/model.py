@@ -104,8 +104,7 @@ def sweeps_of(forces: Forces, position: FloatArray) -> int:
 
     A sweep gives each joint in turn the impulse that closes it. What it leaves open of all joints is G times
     what was open before, with G = -(D + L)^-1 U of the joints' matrix J M^-1 J^T = L + D + U, and n sweeps
-    leave rho^n, rho the largest eigenvalue of G. Half is too much (see ``PymunkEngine``). On its way a
-    quick return needs 11 times as many as at the start, Andrews' squeezer 1.9 times.
+    leave rho^n, rho the largest eigenvalue of G. Half is too much (see ``PymunkEngine``).
     """
     of, still = forces.of, _not_turning(forces.of)
     mobility = 1.0 / forces.masses
@@ -170,7 +169,19 @@ def _pivot(of: MechanismData, body: int, still: set[int], rotors: bool) -> Pin |
         return pins[0] if of.drive.guide is None else None
     lines = [guide for guide in of.guides if body in (guide.body_i, guide.body_j)]
     for guide in lines:
-        _require_no_slot(of, guide)
+        name, on = of.bodies[guide.body_j].name, "the ground"
+        if guide.body_i != GROUND:
+            on = of.bodies[guide.body_i].name
+        if guide.turns:
+            raise UnsupportedScene(
+                f"pymunk: expected guide {guide.name} to keep {name} from turning on {on}, got turns = true: "
+                f"{PROJECTED} between bodies that turn (measured on a Scotch yoke)"
+            )
+        if _drives(of, guide) and guide.body_i != GROUND:
+            raise UnsupportedScene(
+                f"pymunk: expected drive.guide to be one on the ground, got {guide.name} on {on}: no joint "
+                "of Chipmunk's moves a body along a line of another one"
+            )
     if body in still:
         return None
     for pin in (*pins, None) if rotors else (None, *pins):
@@ -189,22 +200,6 @@ def _leads_through(guide: Guide, body: int, place: Point, near: float) -> bool:
     x, y, c, s = x - place[0], y - place[1], math.cos(guide.angle_rad), math.sin(guide.angle_rad)
     beside, along = abs(c * y - s * x), abs(c * x + s * y)
     return beside <= near or (body == guide.body_j and along <= near)
-
-
-def _require_no_slot(of: MechanismData, guide: Guide) -> None:
-    """Raise UnsupportedScene for a pin in a slot, and for a motion along a guide that moves."""
-    body = of.bodies[guide.body_j].name
-    on = "the ground" if guide.body_i == GROUND else of.bodies[guide.body_i].name
-    if guide.turns:
-        raise UnsupportedScene(
-            f"pymunk: expected guide {guide.name} to keep {body} from turning on {on}, got turns = true: "
-            f"{PROJECTED} between bodies that turn (measured on a Scotch yoke)"
-        )
-    if _drives(of, guide) and guide.body_i != GROUND:
-        raise UnsupportedScene(
-            f"pymunk: expected drive.guide to be one on the ground, got {guide.name} on {on}: no joint of "
-            "Chipmunk's moves a body along a line of another one"
-        )
 
 
 def _guide_joints(model: Model, guide: Guide, still: set[int]) -> list[pymunk.Constraint]:

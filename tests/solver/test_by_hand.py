@@ -23,7 +23,6 @@ from reference_solver.mechanism.loads import Torque
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, dop853, dopri5
-from reference_solver.tape import power
 
 #: Mass, inertia, distance of the pin from the centre of mass, and gravity.
 M, I, D, G = 2.0, 3.0, 0.5, 9.81  # noqa: E741  the letters of mechanics
@@ -135,10 +134,6 @@ def test_weights_integrate_powers_of_time_up_to_the_order(method: Method) -> Non
         assert weights @ nodes**k == pytest.approx(1 / (k + 1), abs=1e-14), k
     for node, row in zip(method.nodes, method.matrix, strict=True):
         assert sum(row) == pytest.approx(node, abs=1e-14)
-
-
-def test_powers_are_what_they_are_of_any_exponent() -> None:
-    assert [power(4.0, n) for n in (1.0, 1.5, 2.0, 2.5, 3.0)] == [4.0, 8.0, 16.0, 32.0, 64.0]
 
 
 def test_a_step_is_never_longer_than_asked_for_nor_halved_for_round_off() -> None:

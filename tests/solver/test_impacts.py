@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from reference_solver.equations import Equations
 from reference_solver.failures import BlockedImpact
-from reference_solver.impacts import complementary
 from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall
 from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Pin
 from reference_solver.mechanism.mechanism import Mechanism
@@ -186,14 +185,3 @@ def test_an_impact_against_driven_motion_is_refused() -> None:
                 np.zeros(3),
                 np.array([0.0, -1e-10, 0.0]),
             )
-
-
-def test_the_complementary_solution_keeps_all_its_conditions() -> None:
-    random = np.random.default_rng(3)
-    for _ in range(200):
-        A, b = random.normal(size=(4, 4)), random.normal(size=4)
-        W = A @ A.T + 0.1 * np.eye(4)
-        z = complementary(W, b)
-        y = W @ z + b
-        assert min(z.min(), y.min()) > -1e-12
-        assert np.abs(z * y).max() < 1e-12

@@ -1,13 +1,11 @@
-"""Starts with a pin in its wall, whose touch nobody has seen, and with whole turns of the crank."""
+"""Starts with a pin in its wall, whose touch nobody has seen."""
 
 import numpy as np
 import pytest
 
 from engine_models.engine import ImpossibleStart, RunSettings
-from engine_models.engines import ENGINES, make_engine
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene
 
 PENDULUM = SCENES["clearance-pendulum"]()
 CLEARANCE_M = PENDULUM.clearances["O"].radial_clearance_m
@@ -43,21 +41,3 @@ def test_a_pin_whose_touch_is_known_or_has_no_part_in_the_force_starts_and_bounc
     depth: float, rate_m_s: float, changes: dict[str, object]
 ) -> None:
     assert steps(depth, rate_m_s, changes) < 10_000
-
-
-#: The turns as a double are off by 2.4e-16 rad each, their sum by half its spacing; the crank is 0.15 m long.
-TURNS, TOLERANCE_RAD = 100_000, 2e-10
-DRIVEN: Scene = SCENES["ideal-driven"]().replace("end_time_s", 2e-3)
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_whole_turns_of_the_crank_change_only_its_angle(engine: str) -> None:
-    turned = DRIVEN.short.start.crank_angle_rad + TURNS * 2 * np.pi
-    plain, wound = (
-        make_engine(engine).simulate(each, RunSettings(1e-5, 10))
-        for each in (DRIVEN, DRIVEN.replace("start.crank_angle_rad", turned))
-    )
-    rise = wound.position[:, 0, 2] - plain.position[:, 0, 2]
-    assert np.abs(rise - TURNS * 2 * np.pi).max() <= TOLERANCE_RAD
-    off = np.abs(wound.position[:, -1, 0] - plain.position[:, -1, 0]).max()
-    assert off <= TOLERANCE_RAD, f"slider off by {off:.3g} m"

@@ -18,7 +18,6 @@ from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver import kernel
 from reference_solver.equations import Equations
-from reference_solver.factorisation import Factors, eliminated
 from reference_solver.kernel import Program, Topology, program_of
 from reference_solver.machine_code import HEAD, FunctionText, compile_text, known_numbers
 from reference_solver.mechanism.data import Body
@@ -27,7 +26,6 @@ from reference_solver.mechanism.motions import PiecewiseCubic
 from reference_solver.tape import (
     Node,
     Tape,
-    array,
     both,
     choose,
     cos,
@@ -161,24 +159,6 @@ def test_a_table_is_looked_up_as_in_numbers(period: float) -> None:
     for x in (-7.3, -0.3, -0.25, 0.1, 0.5, 1.3, 1.69, 1.7, 9.9):
         of(p.ctypes.data + 8 * len(rows), 0, 0.0, np.array([x]), out)
         assert out == pytest.approx(table.at(x), rel=1e-14), x
-
-
-def test_dependent_constraints_are_not_ok() -> None:
-    for B in ([[1.0, 1.0], [1.0, 1.0]], [[2.0, 3.0], [4.0, 6.0]], [[0.0, 0.0]]):
-        factors = Factors(np.eye(2), np.array(B), 1e-12)
-        assert not factors.ok
-        assert np.isfinite(factors.solve(np.ones(2), np.zeros(len(B)))[0]).all()
-
-
-def test_a_small_matrix_is_eliminated_for_values_as_for_numbers() -> None:
-    def solution(a: Any, b: Any, c: Any) -> list[Any]:
-        small, pivots = eliminated(array([[2.0 + a, b], [c, 3.0 + b]]), array([a, c]))
-        return [*small, *pivots]
-
-    a, b, c = 0.3, -0.8, 0.5
-    expected = np.linalg.solve([[2 + a, b], [c, 3 + b]], [a, c])
-    for found in (run(solution, (a, b, c)), solution(*np.array([a, b, c]))):
-        assert found == pytest.approx([*expected, 2 + a, 3 + b - c * b / (2 + a)], rel=1e-12)
 
 
 # Whole mechanisms
