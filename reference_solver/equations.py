@@ -16,7 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.factorisation import Factors
-from reference_solver.failures import FrictionTooStiff, NonFiniteState, PainleveParadox, SingularConfiguration
+from reference_solver.failures import (
+    FrictionTooStiff,
+    NonFiniteState,
+    PainleveParadox,
+    SingularConfiguration,
+    TooLight,
+)
 from reference_solver.mechanism.constraints import System, row_slices, system_of
 from reference_solver.mechanism.contacts import (
     FLIGHT,
@@ -28,7 +34,7 @@ from reference_solver.mechanism.contacts import (
 )
 from reference_solver.mechanism.data import GROUND, Spring
 from reference_solver.mechanism.loads import Forces, forces_of, integrated, power_of
-from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.mechanism import Mechanism, light
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.methods import RK4, Method
 from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, smaller, sqrt
@@ -309,7 +315,7 @@ class Equations:
         """Say why [B] has not full row rank.
 
         Raises:
-            SingularConfiguration: with its rank.
+            SingularConfiguration: with its rank; TooLight: it has, but for a light body.
             NonFiniteState: it has overflowed.
         """
         scaled = self.constraint_matrix(q) * np.sqrt(self.inverse_mass)
@@ -321,6 +327,8 @@ class Equations:
         values = np.append(values, np.zeros(len(left) - len(values)))
         tolerance = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
         depend = left[:, values <= max(tolerance, values[-1])]
+        if (reason := light(self.mechanism.bodies)) is not None:
+            raise TooLight(reason)
         names = self._names_of((depend**2).sum(axis=1) > INVOLVED)
         raise SingularConfiguration(int((values > tolerance).sum()), len(scaled), t, names)
 

@@ -35,6 +35,10 @@ class SingularConfiguration(SolverError):
         )
 
 
+class TooLight(SolverError):
+    """A body has no mass beside another, in numbers: rows of its joints depend on each other."""
+
+
 class LimitPosition(SolverError):
     """A drive has come to where its mechanism cannot follow."""
 

@@ -223,12 +223,19 @@ class Solver:
         times = np.linspace(0.0, end_time_s, samples + 1) if times_s is None else times_s
         run = self._new(q, v, times, end_time_s, end_time_s / samples)
         try:
-            return self._run(run, end_time_s, tell)
+            solution = self._run(run, end_time_s, tell)
         except failures.SolverError as error:
-            limit_s = self._equations.limit_s(times, run.samples[:, : len(q)], int(run.state["taken"][0]))
-            if limit_s is None:
-                raise
-            raise failures.LimitPosition(limit_s) from error
+            self._refuse_limit(run, error)
+            raise
+        if self._projected:  # beyond the limit there is nothing to project on
+            self._refuse_limit(run)
+        return solution
+
+    def _refuse_limit(self, run: Run, cause: Exception | None = None) -> None:
+        """Raise LimitPosition where a drive could not go on."""
+        taken, q = int(run.state["taken"][0]), run.samples[:, : len(run.q)]
+        if (limit_s := self._equations.limit_s(run.times, q, taken)) is not None:
+            raise failures.LimitPosition(limit_s) from cause
 
     def _run(self, run: Run, end_time_s: float, tell: Callable[[float], None] | None) -> Solution:
         """Take a run to its end, part by part, and hold it to its energy."""

@@ -105,11 +105,7 @@ def load_study(name: str) -> Study:
 
 
 def run_case(case: Case) -> tuple[Row, Curves]:
-    """Run a case; where there is no run the row has what ``ended`` gives.
-
-    Raises:
-        Failed: there is a bug in the study or an engine's model.
-    """
+    """Run a case; where there is no run the row has what ``ended`` gives."""
     try:
         measured, curves = load_study(case.study).measure(case)
     except UnsupportedScene as refusal:

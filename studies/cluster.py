@@ -58,11 +58,7 @@ class Cluster:
             return await server.identity()
 
     def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
-        """Yield every item and what its call gave, as it ends.
-
-        Raises:
-            Failed: the scheduler is gone.
-        """
+        """Yield every item and what its call gave, as it ends."""
         futures = {self._client.submit(_contained, call, item, pure=False): item for item in items}
         done = self._distributed.as_completed(list(futures), loop=self._client.loop)
         try:

@@ -29,12 +29,7 @@ def run_studies(
     retry_failed: bool = False,
     only: Collection[str] = (),
 ) -> None:
-    """Run the named studies, of some engines only if any are named, into the store in ``out``.
-
-    Raises:
-        BadInput: another run holds the folder, or the file there is none of ours.
-        OSError: the folder cannot be written.
-    """
+    """Run the named studies, of some engines only if any are named, into the store in ``out``."""
     cases = {name: load_study(name).cases(full) for name in names}
     with Store(out) as store, store.held():
         for name in names:

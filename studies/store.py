@@ -60,11 +60,7 @@ class Store:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Hold the folder for one run, by a lock of the operating system that dies with the process.
-
-        Raises:
-            BadInput: another run holds it.
-        """
+        """Hold the folder for one run, by a lock of the operating system that dies with the process."""
         with closing(sqlite3.connect(self._lock, isolation_level=None, timeout=0)) as lock:
             try:
                 lock.execute("begin exclusive")

@@ -171,12 +171,7 @@ def member_cases(
     added: Mapping[str, Setting],
     columns: Mapping[str, float | None],
 ) -> list[Case]:
-    """Return a case for each member; ``columns`` are ``transient``, ``revolutions`` and the longest ``step``.
-
-    Raises:
-        BadInput: a scene at the ends of the values is refused.
-        UnsupportedScene: the engine cannot run it.
-    """
+    """Return a case for each member; ``columns`` have transient, revolutions and the longest step."""
     turns = float(columns["transient"] or 0.0) + float(columns["revolutions"] or 0.0)
     first = {name: float(numbers[0]) for name, numbers in values.items()}
     for name, numbers in values.items():
@@ -211,9 +206,6 @@ def member(scene: Scene, values: Mapping[str, float], revolutions: float) -> Sce
 
     They are those of the turning body at its speed at the start. Without one, or where it is at rest, a
     revolution is as long as the scene.
-
-    Raises:
-        SceneError: with them it is none.
     """
     scene, body = scene.replace(values), scene.turning_body
     speed = 0.0 if body is None else float(start_state(scene)[1][body, 2])
@@ -222,11 +214,7 @@ def member(scene: Scene, values: Mapping[str, float], revolutions: float) -> Sce
 
 
 def measure(case: Case) -> tuple[Row, Curves]:
-    """Simulate a member as ``crankslider simulate`` does, and return what it did, with its warnings.
-
-    Raises:
-        SimulationFailed, UnsupportedScene: its values give no scene, or the engine has no run of it.
-    """
+    """Simulate a member as ``crankslider simulate`` does, and return what it did, with its warnings."""
     columns = case.columns
     transient, revolutions = (float(str(columns[name])) for name in ("transient", "revolutions"))
     varied = {name: it for name, it in columns.items() if name.startswith(VARIED)}

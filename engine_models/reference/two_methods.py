@@ -18,6 +18,7 @@ from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s
 from engine_models.scene.scene import Scene
+from reference_solver.failures import LimitPosition
 from reference_solver.solver import LOWEST_FLIGHT
 
 #: Tolerances of DOP853: the first as a part of the one asked for in lengths of the crank, then each as a part
@@ -75,6 +76,8 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
             try:
                 found = Solution(scene, dop853(sharper), (dop853(sharp), other()))
             except SimulationFailed as failed:  # at one tolerance, and not at the next, where forces jump
+                if isinstance(failed.__cause__, LimitPosition):
+                    raise
                 failure = failed
                 apart.append(np.inf)
                 continue

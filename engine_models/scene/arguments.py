@@ -5,10 +5,18 @@ import os
 from collections.abc import Callable, Mapping
 from functools import cache, wraps
 from pathlib import Path
-from types import FunctionType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Annotated, Any, ParamSpec, TypeVar, get_type_hints
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError, validate_call
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    create_model,
+)
 
 from engine_models.scene.plain_words import BadInput, expect, refusal
 from engine_models.scene.units import NUMBER, in_unit
@@ -48,15 +56,6 @@ Seconds = Annotated[float, Field(gt=0, ge=1e-100), in_words("s")]
 Metres = Annotated[float, Field(gt=0), in_words("m")]
 
 
-def _without_result(function: Any) -> Any:
-    """Return a function without the annotation of its result, which may name what only checkers import."""
-    parts = function.__code__, function.__globals__, function.__name__, function.__defaults__
-    bare = FunctionType(*parts, function.__closure__)
-    bare.__kwdefaults__, bare.__qualname__ = function.__kwdefaults__, function.__qualname__
-    bare.__annotations__ = {name: kind for name, kind in function.__annotations__.items() if name != "return"}
-    return bare
-
-
 def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Return a function that refuses arguments other than its annotations say, before it begins.
 
@@ -67,28 +66,32 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """
     signature = inspect.signature(function)
     kinds = {name: each.annotation for name, each in signature.parameters.items() if name != "self"}
-    strict = cache(
-        lambda: validate_call(config=STRICT)(_without_result(function))
-    )  # built as late as it is called
+
+    @cache
+    def model() -> type[BaseModel]:
+        fields: dict[str, Any] = {name: (kind, None) for name, kind in kinds.items()}
+        return create_model("Arguments", __config__=STRICT, **fields)
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
         name = function.__name__
         try:
-            given = signature.bind(*args, **kwargs).arguments
+            bound = signature.bind(*args, **kwargs)
         except TypeError as reason:
             got = str(reason).removeprefix("got ").replace("missing a", "no", 1)
             expected = f"{name}: expected {', '.join(kinds) or 'no arguments'}"
             raise BadInput(f"{expected}, got a call with {got}") from None
+        given = {key: value for key, value in bound.arguments.items() if key != "self"}
         try:
-            result: R = strict()(**{key: plain(value) for key, value in given.items()})
+            valid = model().model_validate({key: plain(value) for key, value in given.items()})
         except ValidationError as error:
             raise BadInput(refusal(error, given)) from None
         except RecursionError:
             raise BadInput(
                 f"{name}: expected values of a few levels, got too many inside each other"
             ) from None
-        return result
+        bound.arguments.update((key, getattr(valid, key)) for key in given)
+        return function(*bound.args, **bound.kwargs)
 
     hints = get_type_hints(SimpleNamespace(__annotations__=kinds))  # as people read them
     parameters = [each.replace(annotation=hints.get(each.name)) for each in signature.parameters.values()]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from engine_models.scene.format import PlacedStart, Sections, TableDrive, TorqueDrive, require, require_known
-from engine_models.scene.mechanism import levers_m, mechanism_data, pins_of, point_of
+from engine_models.scene.mechanism import levers_m, markers_of, mechanism_data, pins_of, point_of
 from engine_models.scene.plain_words import one_of
 
 #: A table may end before its scene by rounding.
@@ -50,13 +50,10 @@ def _check_names(scene: Sections, pins: Mapping[str, list[str]]) -> None:
 
 
 def _check_pins(scene: Sections, pins: Mapping[str, list[str]]) -> None:
-    """Refuse a pin that nothing uses, and clearances of no joint, or larger than it."""
-    used = {guide.pin for guide in scene.guide.values()} | {scene.observe.rpartition(".")[0]}
-    used |= {end.partition(".")[2] for spring in scene.spring.values() for end in spring.between}
-    for pin, bodies in pins.items():
-        place = "ground" if bodies[0] == "ground" else f"body.{bodies[0]}"
-        expected = f"a pin that another body or the ground has too ({', '.join(pins)})"
-        require(len(bodies) > 1 or pin in used, f"{place}.pins_m.{pin}", expected, "it here alone")
+    """Refuse a pin that the ground alone has, and clearances of no joint, or larger than it."""
+    for pin, body in markers_of(scene).items():
+        expected = f"a pin that a body has too ({', '.join(name for name in pins if name != pin)})"
+        require(body != "ground", f"ground.pins_m.{pin}", expected, pin)
     places = [[point_of(scene, name, pin) for pin in body.pins_m] for name, body in scene.body.items()]
     between = [math.dist(a, b) for own in places for a in own for b in own]
     longest = max(*levers_m(mechanism_data(scene)), *between) if scene.clearance else 0.0

@@ -39,6 +39,13 @@ def pins_of(scene: Sections) -> dict[str, list[str]]:
     return where
 
 
+def markers_of(scene: Sections) -> dict[str, str]:
+    """Return the pins of no joint, guide or spring, whose places are columns, and what has each."""
+    used = {guide.pin for guide in scene.guide.values()}
+    used |= {end.partition(".")[2] for spring in scene.spring.values() for end in spring.between}
+    return {pin: names[0] for pin, names in pins_of(scene).items() if len(names) == 1 and pin not in used}
+
+
 def mechanism_data(scene: Sections) -> data.MechanismData:
     """Return the mechanism by names of a scene whose parts fit each other."""
     bodies = tuple(data.Body(body.mass_kg, body.inertia_kg_m2, name) for name, body in scene.body.items())

@@ -11,7 +11,7 @@ from pydantic import PrivateAttr, ValidationInfo, model_validator
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.checks import check_parts
 from engine_models.scene.format import Clearance, SceneError, Sections
-from engine_models.scene.mechanism import mechanism_data, number_of, pins_of, point_of
+from engine_models.scene.mechanism import markers_of, mechanism_data, number_of, pins_of, point_of
 from engine_models.scene.plain_words import expect
 from engine_models.scene.short import OF_GENERAL, CrankSlider, Link, Slider, in_short
 from engine_models.scene.start import Placed, placed
@@ -143,6 +143,12 @@ class Scene(Sections):
         last = pins_of(self)[name][-1]
         what: Literal["x", "y"] = "x" if axis == "x" else "y"
         return Observed(self.observe, what, number_of(self, last), point_of(self, last, name))
+
+    @property
+    def markers(self) -> dict[str, tuple[int, Point]]:
+        """The pins of no joint, guide or spring, by their names: the body of each, and its point there."""
+        markers = markers_of(self).items()
+        return {pin: (number_of(self, body), point_of(self, body, pin)) for pin, body in markers}
 
     @property
     def turning_body(self) -> int | None:

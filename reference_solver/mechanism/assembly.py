@@ -21,8 +21,8 @@ from reference_solver.mechanism.constraints import (
     system_of,
 )
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, Line, MechanismData, Pin
-from reference_solver.mechanism.mechanism import Mechanism, mechanism_of
-from reference_solver.mechanism.points import State
+from reference_solver.mechanism.mechanism import Mechanism, along, light, mechanism_of
+from reference_solver.mechanism.points import State, ends_of
 from reference_solver.tape import FloatArray
 
 #: The largest turn in a step, in rad; steps at the most; and what joints are open by when they are closed, in
@@ -30,10 +30,8 @@ from reference_solver.tape import FloatArray
 LARGEST_TURN_RAD, MOST_STEPS, CLOSED = 0.5, 100, 1e-12
 #: Singular values of rows of length 1 below this are 0; a row has a share in a dependence from that on.
 RANK_TOLERANCE, SHARE = 1e-9, 1e-6
-#: A start that is given may be off by so much, in m and rad, and its speeds for every unit of the fastest.
+#: A start that is given may be off by so much, in m and rad, and speeds by this part of the fastest.
 START_TOLERANCE = 1e-9
-#: Speeds told may be off by this part of the fastest.
-SPEED_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -101,8 +99,7 @@ class Joints:
         self.data, self.n, self._still = of, 3 * len(of.bodies), np.zeros(3 * len(of.bodies))
         self._constraints, self.rows = mechanism.constraints, rows_named(mechanism)
         self.inverse_mass = 1.0 / mechanism.masses
-        lines = ((g.body_i, g.point_i, g.body_j, g.point_j, g.angle_rad) for g in of.guides)
-        self._ways = tuple(PrescribedSlide(*line, ConstantSpeed(0.0)) for line in lines)
+        self._ways = tuple(PrescribedSlide(*along(guide), ConstantSpeed(0.0)) for guide in of.guides)
 
     def _system(self, constraints: tuple[Constraint, ...], q: FloatArray) -> System:
         return system_of(constraints, State(q, self._still), 0.0, self._still)
@@ -170,7 +167,7 @@ def assemble(of: MechanismData, told: Told) -> Assembled:
     q = _closed(joints, rough, told)
     rank, own = joints.rank(q), Joints(replace(of, pins=of.ideal)).rank(q)
     if own.rank < own.rows:  # of joints with clearance rows are only taken for the start
-        raise NotAssembled(dependence(own))
+        raise NotAssembled(light(of.bodies) or dependence(own))
     v = _moving(joints, q, told, rank)
     drive = of.drive
     row = np.eye(joints.n)[3 * drive.body + 2] if drive.guide is None else joints.way_rows(q)[drive.guide]
@@ -249,20 +246,20 @@ def _moving(joints: Joints, q: FloatArray, told: Told, rank: Rank) -> FloatArray
     root = np.sqrt(joints.inverse_mass)
     v: FloatArray = root * np.linalg.lstsq(rows * root, speeds, rcond=1e-10)[0]
     off = np.abs(rows @ v - speeds)
-    if not off.max(initial=0.0) <= SPEED_TOLERANCE * (1.0 + np.abs(speeds).max()):
+    if not off.max(initial=0.0) <= START_TOLERANCE * (1.0 + np.abs(speeds).max()):
         bodies_of, guides_of = joints.data.bodies, joints.data.guides
         names = [bodies_of[k].name for k in told.speed_rad_s] + [guides_of[k].name for k in told.speed_m_s]
         worst = int(off[len(B) :].argmax())
         unit = "rad/s" if worst < len(bodies) else "m/s"
         came = f"that of {names[worst]} off by {off[len(B) + worst]:.3g} {unit}"
-        raise NotAssembled(f"expected speeds that the joints allow, got {came}")
+        raise NotAssembled(light(joints.data.bodies) or f"expected speeds that the joints allow, got {came}")
     return v
 
 
 def way_along(line: Line, q: FloatArray) -> float:
     """Return the way in m of a line's point along it, at coordinates (n,)."""
-    d = place_of(q, line.body_j, line.point_j) - place_of(q, line.body_i, line.point_i)
-    return float(_turned(q, line.body_i, _direction(line)) @ d)
+    (i, j), along = ends_of(line, state := State(q, q)), state.direction(line.body_i, line.angle_rad)
+    return float(along @ (j.place - i.place))
 
 
 def hung(of: MechanismData, told: Told) -> FloatArray:
@@ -278,10 +275,13 @@ def hung(of: MechanismData, told: Told) -> FloatArray:
             there = {link.body_i: link.body_j, link.body_j: link.body_i}.get(here)
             if there is None or there in done:
                 continue
-            along = way * _turned(q, link.body_i, _direction(link)) if isinstance(link, Line) else 0.0
+            along = 0.0
+            if isinstance(link, Line):
+                along = way * State(q, q).direction(link.body_i, link.angle_rad)
             sign = 1.0 if here == link.body_i else -1.0
             own, others = (link.point_i, link.point_j) if sign > 0 else (link.point_j, link.point_i)
-            q[3 * there : 3 * there + 2] = place_of(q, here, own) + sign * along - _turned(q, there, others)
+            # Until now the other body is at the origin.
+            q[3 * there : 3 * there + 2] = place_of(q, here, own) + sign * along - place_of(q, there, others)
             done.add(there)
             waiting.append(there)
     return q
@@ -310,17 +310,6 @@ def _told_angles(of: MechanismData, told: Told) -> FloatArray:
     return angles
 
 
-def _direction(line: Line) -> tuple[float, float]:
-    return float(np.cos(line.angle_rad)), float(np.sin(line.angle_rad))
-
-
-def _turned(q: FloatArray, body: int, vector: tuple[float, float]) -> FloatArray:
-    angle = 0.0 if body == GROUND else q[3 * body + 2]
-    (c, s), (x, y) = (np.cos(angle), np.sin(angle)), vector
-    return np.array([c * x - s * y, s * x + c * y])
-
-
 def place_of(q: FloatArray, body: int, point: tuple[float, float]) -> FloatArray:
     """Return where a point of a body is, (2,), at coordinates (n,)."""
-    centre = np.zeros(2) if body == GROUND else q[3 * body : 3 * body + 2]
-    return np.asarray(centre + _turned(q, body, point))
+    return np.asarray(State(q, q).point(body, point).place)

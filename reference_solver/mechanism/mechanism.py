@@ -3,7 +3,7 @@
 Coordinates q stack (x, y, phi) of every body's centre of mass.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from reference_solver.mechanism import data
@@ -32,6 +32,9 @@ from reference_solver.mechanism.motions import (
     pieces_of,
 )
 from reference_solver.tape import Array, array
+
+#: The least mass of a body beside the heaviest one.
+LIGHTEST = 1e-11
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,7 @@ def driver_of(of: MechanismData) -> Driver | None:
     motion = going_on(law, of.drive.clock_s)
     if guide is None:
         return PrescribedMotion(of.drive.body, motion)
-    return PrescribedSlide(*_line(of.guides[guide]), motion)
+    return PrescribedSlide(*along(of.guides[guide]), motion)
 
 
 def loads_of(of: MechanismData) -> dict[str, Load]:
@@ -140,7 +143,7 @@ def _torque(drive: DriveData) -> Iterator[tuple[str, Load]]:
 def _parts(load: data.Load, clock_s: float) -> Iterator[tuple[str, Load]]:
     """Yield the parts of a load by their names."""
     if load.line is not None:
-        line = _line(load.line)
+        line = along(load.line)
         if load.force_N:
             yield "force", ConstantForce(*line, load.force_N)
         if load.viscous_N_s_m:
@@ -160,7 +163,8 @@ def _parts(load: data.Load, clock_s: float) -> Iterator[tuple[str, Load]]:
         yield "torque_by_time", TorqueByTime(load.body, _by_time(load.torque_by_time, clock_s))
 
 
-def _line(line: data.Line) -> tuple[int, data.Point, int, data.Point, float]:
+def along(line: data.Line) -> tuple[int, data.Point, int, data.Point, float]:
+    """Return the fields of a line, of which drivers and loads along it are made."""
     return line.body_i, line.point_i, line.body_j, line.point_j, line.angle_rad
 
 
@@ -173,3 +177,14 @@ def _held(table: data.Table) -> PiecewiseCubic:
     before = (table.x[0] - (table.x[-1] - table.x[0]), table.y[0], 0.0, 0.0, 0.0)
     beyond = (table.x[-1], table.y[-1], 0.0, 0.0, 0.0)
     return PiecewiseCubic((*before, *pieces_of(curve_of(table)).rows, *beyond))
+
+
+def light(bodies: Sequence[Body]) -> str | None:
+    """Return in words which body is too light for the arithmetic beside the heaviest one, if one is."""
+    least, most = (choose(bodies, key=lambda body: body.mass_kg) for choose in (min, max))
+    if least.mass_kg >= LIGHTEST * most.mass_kg:
+        return None
+    limit, name = LIGHTEST * most.mass_kg, least.name or "one"
+    return f"expected bodies of at least {limit:.3g} kg beside one of {most.mass_kg:g} kg, got {name} of " + (
+        f"{least.mass_kg:g} kg: what moves it is lost in rounding"
+    )

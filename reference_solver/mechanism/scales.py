@@ -1,12 +1,11 @@
 """A mechanism's own length and rate, by which errors in positions, angles and velocities are weighed."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from reference_solver.mechanism.constraints import PrescribedMotion, PrescribedSlide
-from reference_solver.mechanism.data import GROUND
+from reference_solver.mechanism.data import GROUND, Ends
 from reference_solver.mechanism.loads import AlongLine, ForceByTime, Load, TorqueByTime
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import ROW, PiecewiseCubic, fastest
@@ -48,16 +47,8 @@ def scales_of(
 
 def _longest_arm(mechanism: Mechanism) -> float:
     parts = (*mechanism.constraints, *mechanism.loads, *mechanism.contacts)
-    ends = (
-        (getattr(part, f"body_{s}", GROUND), getattr(part, f"point_{s}", ())) for part in parts for s in "ij"
-    )
-    return max((_arm(*point) for body, point in ends if body != GROUND and len(point)), default=0.0)
-
-
-@lru_cache
-def _arm(x: float, y: float) -> float:
-    """Return the length of an arm, which members of a sweep ask for again and again."""
-    return float(np.hypot(x, y))
+    ends = ((p, s) for p in parts if isinstance(p, Ends) for s in "ij" if getattr(p, f"body_{s}") != GROUND)
+    return max((float(np.hypot(*getattr(part, f"point_{s}"))) for part, s in ends), default=0.0)
 
 
 def _push(load: Load, mechanism: Mechanism, end_time_s: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
-from engine_models.mechanics.states import direction, guide_column, observed_columns, way
+from engine_models.mechanics.states import direction, guide_column, observed_columns, point_motion, way
 from engine_models.minimal.forces import Forces, flat
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import load_works
@@ -87,7 +87,7 @@ def _crank_slider(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
 
 
 def _bodies(scene: Scene, run: Trajectory, acceleration: FloatArray) -> dict[str, FloatArray]:
-    """Return what is observed, and place, angle, their rates and accelerations of every centre of mass."""
+    """Return what is observed, motions and accelerations of all centres of mass, and places of markers."""
     columns = observed_columns(scene, run)
     for k, body in enumerate(scene.mechanism.names):
         x, v, a = run.position[:, k], run.velocity[:, k], acceleration[:, k]
@@ -96,6 +96,9 @@ def _bodies(scene: Scene, run: Trajectory, acceleration: FloatArray) -> dict[str
         columns[f"{body}_speed_rad_s"] = v[:, 2]
         columns |= {f"{body}_acceleration_x_m_s2": a[:, 0], f"{body}_acceleration_y_m_s2": a[:, 1]}
         columns[f"{body}_angular_acceleration_rad_s2"] = a[:, 2]
+    for marker, (number, point) in scene.markers.items():
+        place = point_motion(number, point, run.position, run.velocity).place_m
+        columns |= {f"marker_{marker}_x_m": place[:, 0], f"marker_{marker}_y_m": place[:, 1]}
     return columns
 
 

@@ -57,7 +57,13 @@ def test_the_columns_of_runs_are_those_on_the_page() -> None:
         columns = set(sample_columns(short, engine.simulate(short, RunSettings(STEP_S, 2))))
         parts = [guide.name for guide in of.mechanism.guides] + [s.name for s in of.mechanism.springs]
         observed = [str(of.observed.name).replace(".", "_")]
-        words = {"OBSERVED": observed, "BODY": of.mechanism.names, "JOINT": of.joints, "NAME": parts}
+        words = {
+            "OBSERVED": observed,
+            "BODY": of.mechanism.names,
+            "JOINT": of.joints,
+            "NAME": parts,
+            "MARKER": of.markers,
+        }
         known = set[str]()
         for pattern in page:
             word = next((word for word in words if word in pattern), "")

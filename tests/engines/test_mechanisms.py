@@ -11,9 +11,11 @@ from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_
 from engine_models.mechanics.start import start_state
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.inspection import inspect
-from engine_models.scene.file import SceneError
+from engine_models.scene.file import SceneError, from_toml
 from engine_models.scene.format import Place
 from engine_models.scene.scene import Scene
+from studies.judges.columns import sample_columns
+from tests.engine_models.scene.test_mechanisms import TRAMMEL
 from tests.engines.mechanism_texts import (
     ANDREWS,
     FOUR_BAR,
@@ -46,6 +48,24 @@ def test_andrews_mechanism_turns_by_the_published_angles() -> None:
     k = dict(zip(of.mechanism.names, run(DOP853, of, 1).position[-1, :, 2].tolist(), strict=True))
     found = (k["K1"], k["K2"] - k["K1"], k["K3"], k["K4"] - k["K5"], k["K5"], k["K6"] - k["K7"], k["K7"])
     assert found == pytest.approx(tuple(published.values()), rel=5e-10)
+
+
+@pytest.mark.parametrize(("engine", "bound_m"), [("reference", 1e-14), ("scipy", 1e-14), ("exudyn", 1e-6)])
+def test_a_marker_of_a_bar_whose_ends_slide_on_two_lines_draws_an_ellipse(
+    engine: str, bound_m: float
+) -> None:
+    """The trammel of Archimedes: a marker s from the middle is at (s - a) cos, (s + a) sin.
+
+    Chipmunk, whose slots do not let the bar turn, refuses it; Exudyn's joints are open by 3e-7 m.
+    """
+    of, (a, s) = from_toml(TRAMMEL.replace("Q = 0.5", "Q = 0.5, M = 0.2")), (0.5, 0.2)
+    trajectory = run(engine, of, 40)
+    columns = sample_columns(of, trajectory)
+    angle = trajectory.position[:, 0, 2]
+    off_x = columns["marker_M_x_m"] - (s - a) * np.cos(angle)
+    off_y = columns["marker_M_y_m"] - (s + a) * np.sin(angle)
+    assert np.hypot(off_x, off_y).max() < bound_m
+    assert np.ptp(angle) > 0.5, "it moves"
 
 
 PISTON_ENGINE = """

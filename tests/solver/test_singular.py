@@ -7,10 +7,13 @@ import pytest
 from scipy.optimize import brentq
 
 from reference_solver.energy import Guard, ledger_J
-from reference_solver.failures import EnergyNotConserved
+from reference_solver.failures import EnergyNotConserved, LimitPosition
+from reference_solver.mechanism.constraints import PrescribedMotion
+from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Pin
+from reference_solver.mechanism.mechanism import Mechanism, light
 from reference_solver.mechanism.scales import Scales
-from reference_solver.solver import StepChoice
-from tests.helpers.kernels import CASES
+from reference_solver.solver import ErrorControl, StepChoice, solve
+from tests.helpers.kernels import CASES, straight_guide
 from tests.helpers.mechanism_energy import energy_residual_J
 from tests.helpers.singular import PASSING, STABILISED, parallelograms, random_runs
 from tests.solver.pins import run
@@ -65,3 +68,28 @@ def test_the_ledger_has_all_lines_and_a_run_that_gains_a_thousandth_is_refused()
     gained = replace(found, v=found.v * np.linspace(1.0, 1.001, 51)[:, None])
     with pytest.raises(EnergyNotConserved, match=r"does not add up by .* where the steps explain"):
         Guard(gained, scales, h).check_energy()
+
+
+@pytest.mark.parametrize("step", [1e-3, ErrorControl(1e-8)], ids=["rk4", "dop853"])
+def test_a_drive_that_cannot_go_on_is_told_with_the_time_of_its_limit(step: float | ErrorControl) -> None:
+    # A crank of 0.2 m at 2 rad/s, held by a rod of 0.1 m to a line through its centre: sin phi <= 1/2.
+    joints = (
+        Pin(GROUND, (0.0, 0.0), 0, (0.0, 0.0)),
+        Pin(0, (0.2, 0.0), 1, (0.0, 0.0)),
+        Pin(1, (0.1, 0.0), 2, (0.0, 0.0)),
+        *straight_guide(2, (0.0, 0.0), 0.0),
+    )
+    driven = Mechanism((Body(1.0, 0.01),) * 3, (*joints, PrescribedMotion(0, ConstantSpeed(2.0))))
+    q = np.array([0.0, 0.0, 0.0, 0.2, 0.0, 0.0, 0.3, 0.0, 0.0])
+    v = np.array([0.0, 0.0, 2.0, 0.0, 0.4, -4.0, 0.0, 0.0, 0.0])
+    with pytest.raises(LimitPosition, match=r"limit position of its mechanism at t = 0\.261799\d* s"):
+        solve(driven, q, v, end_time_s=0.5, samples=50, step=step)  # pi/12 s is 0.26179939 s
+
+
+def test_a_body_too_light_for_the_arithmetic_is_named() -> None:
+    bodies = Body(3.0, 1.0), Body(1e-12, 1e-12, "coupler")
+    assert light(bodies) == (
+        "expected bodies of at least 3e-11 kg beside one of 3 kg, got coupler of 1e-12 kg: "
+        "what moves it is lost in rounding"
+    )
+    assert light((bodies[0], Body(1e-9, 1e-9))) is None

@@ -110,12 +110,12 @@ def test_what_depends_on_parameters_alone_is_computed_before_the_run() -> None:
 #: Of every operation that a kernel has, functions of x and y, and how libraries may round them.
 OPERATIONS: dict[str, tuple[Callable[[Any, Any], Any], float]] = {
     "x + y": (lambda x, y: x + y, 0.0),
-    "x - y": (lambda x, y: x - y, 0.0),
-    "-x - y": (lambda x, y: -x - y, 0.0),
-    "-x - (-y)": (lambda x, y: -x - (-y), 0.0),
-    "2 - (-x) y": (lambda x, y: 2.0 - (-x) * y, 0.0),
+    "x-y": (lambda x, y: x - y, 0.0),
+    "-x-y": (lambda x, y: -x - y, 0.0),
+    "-x-(-y)": (lambda x, y: -x - (-y), 0.0),
+    "2-(-x)y": (lambda x, y: 2.0 - (-x) * y, 0.0),
     "x/(y^2 + 1)": (lambda x, y: x / (y * y + 1.0), 0.0),
-    "-(x - 2 y)": (lambda x, y: -(x - 2.0 * y), 0.0),
+    "-(x-2y)": (lambda x, y: -(x - 2.0 * y), 0.0),
     "|x|": (lambda x, _: size(x), 0.0),
     "sign": (signed, 0.0),
     "sqrt": (lambda x, _: sqrt(size(x)), 0.0),

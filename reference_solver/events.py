@@ -1,0 +1,504 @@
+"""Events within a step: touch, release and changes of the force's sign; what they do to contacts.
+
+Between events every right-hand side is smooth. An event is first sought on the quintic through positions,
+velocities and accelerations at both ends of the step, which costs no right-hand side; the step to it is then
+corrected by Newton's method.
+"""
+
+import numpy as np
+
+from reference_solver.machine_code import call
+from reference_solver.mechanism.contacts import CLIPPED, CONTACT, FLIGHT
+from reference_solver.run import (
+    AT,
+    CLIP,
+    DENSE,
+    DEPENDENT,
+    END,
+    FLIGHT_HEIGHT,
+    NEW,
+    OLD,
+    REBOUND,
+    RELEASE,
+    RESUME,
+    SPARE,
+    SUPPORT,
+    TOUCH,
+    WALL_FIELDS,
+)
+from reference_solver.steps import (
+    LANDING,
+    LANDING_CLEARANCE,
+    LANDINGS,
+    ROUND_OFF,
+    Step,
+    add,
+    attempt,
+    gap_of,
+    inner,
+    know_slopes,
+    place_at,
+    probe,
+    set_gaps,
+    set_within,
+)
+
+#: Rejections after which a pin that may have been out within a step is taken to be in: round-off looks so.
+MOST_HALVED = 20
+#: Part of a step by which one that ends short of a change of the force's sign is made longer at first.
+PAST = 1e-10
+#: How far from its supposed place in a step, as a part of it, a contact's largest force is looked for.
+ASIDE_OF_PEAK = 0.1
+
+
+@inner
+def alarm(contact, gap, kind):
+    """Return a number that is positive past the event: 0 is touch or release, 1 a change of the force's sign.
+
+    A rigid wall is touched by the first, and released by the second.
+    """
+    if contact.phase == FLIGHT:
+        return gap.g if kind == 0 else -1.0
+    if contact.rigid != 0.0:
+        return -1.0 if kind == 0 else -gap.push
+    if kind == 0:
+        return -gap.g
+    if contact.clipped == 0.0:
+        return -1.0
+    return -gap.push if contact.phase == CONTACT else gap.push
+
+
+@inner
+def passed(contact, gap, new_gap, kind):
+    """Return whether an event lies within a step, by both its ends.
+
+    Of a pin before a rigid wall it is to be no round-off. What begins past its wall by round-off, on its way
+    back, is past it still while it comes nearer.
+    """
+    value = alarm(contact, new_gap, kind)
+    if kind == 1:
+        return value > 0.0
+    if contact.rigid != 0.0:
+        past = value > contact.noise or (value > 0.0 and new_gap.rate > contact.rate_noise)
+        return past and contact.ignored == 0.0
+    outwards = 1.0 if contact.phase == FLIGHT else -1.0
+    begin, end = outwards * gap.g, outwards * new_gap.g
+    return end > 0.0 and (outwards * new_gap.rate > 0.0 or begin <= 0.0 or end > begin)
+
+
+@inner
+def bulged(run, rows, contacts, h):
+    """Return whether a pin that moves inwards at both ends of a step of h may have been out in between.
+
+    That is where the cubic through both ends' g and rates comes near to rising, and has the wall in reach. A
+    pin that has just hit may be back, and off again, within a step: the shorter one sees it.
+    """
+    for k in range(len(contacts)):
+        gap, new_gap = gap_of(run, rows, OLD, k), gap_of(run, rows, NEW, k)
+        if contacts[k].phase == FLIGHT and gap.rate < 0.0 and new_gap.rate < 0.0:
+            steepest = 1.5 * (new_gap.g - gap.g) / h - 0.25 * (gap.rate + new_gap.rate)
+            excess = steepest - 0.25 * min(gap.rate, new_gap.rate)
+            if excess > 0.0 and max(gap.g, new_gap.g) + excess * h > contacts[k].noise:
+                return True
+    return False
+
+
+@inner
+def alarm_at(run, rows, contacts, h, x, event):
+    """Return an event's alarm at x of a step of h."""
+    set_within(run, rows, h, x, run.time)
+    return alarm(contacts[event // 2], gap_of(run, rows, AT, event // 2), event % 2)
+
+
+@inner
+def turning(run, rows, contacts, h, k, rising):
+    """Return where the gap of a contact turns that is rising, or falling, at a step's start.
+
+    A rising one is followed no further than to where it is past its wall.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(30):
+        x = 0.5 * (low + high)
+        value = alarm_at(run, rows, contacts, h, x, 2 * k)
+        if rising and contacts[k].phase == FLIGHT and value > 0.0:
+            return x
+        if (gap_of(run, rows, AT, k).rate > 0.0) == rising:
+            low = x
+        else:
+            high = x
+    return high
+
+
+@inner
+def root(run, rows, contacts, h, event, low, high):
+    """Return where between two places of a step the alarm of an event passes zero (Illinois method)."""
+    low_value = alarm_at(run, rows, contacts, h, low, event)
+    high_value = alarm_at(run, rows, contacts, h, high, event)
+    if low_value > 0.0:
+        return low
+    for _ in range(60):
+        if not high_value > 0.0 or high - low < 1e-12:
+            break
+        x = high - high_value * (high - low) / (high_value - low_value)
+        if not low < x < high:
+            x = 0.5 * (low + high)
+        value = alarm_at(run, rows, contacts, h, x, event)
+        if value > 0.0:
+            high, high_value, low_value = x, value, 0.5 * low_value
+        else:
+            low, low_value, high_value = x, value, 0.5 * high_value
+    return high
+
+
+@inner
+def gap_noise(run, rows):
+    """Return the round-off of a gap at the end of a step."""
+    far = run.length
+    for c in range(run.n):
+        if c % 3 != 2:
+            far = max(far, abs(rows[NEW, c]))
+    return ROUND_OFF * far
+
+
+@inner
+def first_event(run, rows, contacts, h, skip):
+    """Return the first event but ``skip`` within a step and its place in it, or -1 and 1.
+
+    An event is numbered 2 k + kind of contact k.
+    """
+    event, place, noise = -1, 1.0, gap_noise(run, rows)
+    for k in range(len(contacts)):
+        contact, gap, new_gap = contacts[k], gap_of(run, rows, OLD, k), gap_of(run, rows, NEW, k)
+        flies, rising = contact.phase == FLIGHT, gap.rate > 0.0
+        for kind in range(2):
+            low, high = 0.0, -1.0
+            if 2 * k + kind == skip:
+                continue
+            if passed(contact, gap, new_gap, kind):
+                know_slopes(run, h)
+                high = 1.0
+                if kind == 0 and rising != flies:
+                    low = turning(run, rows, contacts, h, k, rising)
+            elif kind == 0 and flies and contact.ignored == 0.0 and rising and new_gap.rate < 0.0:
+                know_slopes(run, h)
+                high = turning(run, rows, contacts, h, k, rising)
+                if gap_of(run, rows, AT, k).g <= max(noise, contact.noise):
+                    continue
+            if high > 0.0:
+                x = root(run, rows, contacts, h, 2 * k + kind, low, high)
+                if event < 0 or x < place:
+                    event, place = 2 * k + kind, x
+    return event, place
+
+
+@inner
+def land(run, rows, contacts, method, step, end, event, taken):
+    """End the step on an event near a time; return it, with NaN for its end if it cannot.
+
+    By Newton's method on the gap, of which a step from the same start is a smooth function of its end; a
+    change of the force's sign has to be past. ``taken`` is whether the step has been taken already.
+    """
+    k, exact, t = event // 2, event % 2 == 0, run.time
+    contact, latest, least = contacts[k], t + 1.5 * (end - t), gap_noise(run, rows)
+    if contact.rigid == 0.0 and run.controlled != 0:
+        close = min(LANDING * run.tolerance * run.length, LANDING_CLEARANCE * contact.clearance)
+        least = max(least, close)
+    for trials in range(LANDINGS):
+        if trials > 0 or not taken:
+            if step.sign < 0.0 and exact:
+                begin = np.sqrt(end - t)
+                step = Step(end, -1.0, begin, -begin, end)
+            else:
+                step = Step(step.origin, step.sign, step.begin, place_at(step, end) - step.begin, end)
+            if not attempt(run, rows, contacts, method, step, 10.0) < 10.0:
+                break
+        gap = gap_of(run, rows, NEW, k)
+        if exact:
+            more = -gap.g / gap.rate
+            if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
+                return step
+            if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
+                break
+        else:
+            more = PAST * (end - t) * 100.0**trials
+            if alarm(contact, gap, 1) > 0.0:
+                return step
+        end += more
+    return Step(step.origin, step.sign, step.begin, 0.0, np.nan)
+
+
+@inner
+def unseen(run, rows, contacts):
+    """Return whether a pin is past its wall in flight, or off it in contact, by more than landing leaves."""
+    for k in range(len(contacts)):
+        outwards = 1.0 if contacts[k].phase == FLIGHT else -1.0
+        far = 2.0 * LANDING_CLEARANCE * contacts[k].clearance
+        if contacts[k].rigid == 0.0 and outwards * gap_of(run, rows, NEW, k).g > far:
+            return True
+    return False
+
+
+@inner
+def cut(run, rows, contacts, method, step, releasing):
+    """Return a step that has been taken, or the one to the first event in it, the event, and its place.
+
+    Without an event that is -1; the end is NaN where the step is to be tried again, and a place of 0 says
+    that the event has been passed by the round-off of one that came with it. Where events are not located,
+    the whole step is returned.
+    """
+    event, place, most, t = -1, 1.0, 2 * len(contacts), run.time
+    again = Step(step.origin, step.sign, step.begin, step.H, np.nan)
+    if run.located == 0:
+        for k in range(2 * len(contacts)):
+            if event < 0 and alarm(contacts[k // 2], gap_of(run, rows, NEW, k // 2), k % 2) > 0.0:
+                event = k
+        return step, event, place
+    if run.rejected < MOST_HALVED and bulged(run, rows, contacts, step.end - t):
+        return again, event, place
+    for trials in range(most + 1):  # another event may turn out to come before, if they are close
+        other, place = first_event(run, rows, contacts, step.end - t, event)
+        if trials == 0 and other < 0 and releasing >= 0:
+            gap = gap_of(run, rows, NEW, releasing)
+            if gap.rate < 0.0 and gap.g < -0.2 * (step.end - t) * gap.rate:
+                other = 2 * releasing
+        if other < 0:
+            break
+        event = other
+        if place <= 0.0 or trials == most:
+            break
+        step = land(run, rows, contacts, method, step, t + place * (step.end - t), event, place >= 1.0)
+        if np.isnan(step.end):
+            return step, event, place
+    if event < 0 and unseen(run, rows, contacts):
+        return again, event, place
+    return step, event, place
+
+
+# ------------------------------------------------------------------------------------- compliant walls
+
+
+@inner
+def note(run, rows, contacts, event):
+    """Change a compliant contact's phase at an event and write the event into the log."""
+    k, entry, first = event // 2, run.events[run.logged], 2 * run.n
+    contact, gap, old = contacts[k], gap_of(run, rows, OLD, k), rows[OLD]
+    impulse, lost = old[first + contact.column], 0.0
+    for c in range(contact.losses):
+        lost += old[first + contact.column + 1 + c]
+    run.logged += 1
+    entry.time_s, entry.contact, entry.rate, entry.depth = run.time, k, gap.rate, gap.depth
+    entry.began_s, entry.approach = contact.began_s, contact.approach
+    entry.force, entry.force_s = contact.force, contact.force_s
+    entry.deepest, entry.deepest_s = contact.deepest, contact.deepest_s
+    entry.impulse, entry.lost = impulse - contact.impulse, lost - contact.dissipated
+    if event % 2 == 1:
+        contact.phase = CLIPPED if contact.phase == CONTACT else CONTACT
+        entry.what = CLIP if contact.phase == CLIPPED else RESUME
+    elif contact.phase != FLIGHT:
+        contact.phase, entry.what = FLIGHT, RELEASE
+        run.step, run.fresh = run.flight_step, -1
+    else:
+        closed = 0
+        for i in range(len(contacts)):
+            closed += contacts[i].phase != FLIGHT and contacts[i].rigid == 0.0
+        if closed == 0:
+            run.flight_step = run.step
+        probe(run, rows, contacts)  # the mobility tells how long the contact will take
+        n, speed = contact.exponent, max(gap.rate, contact.slowest)
+        energy = (n + 1.0) * speed * speed / (2.0 * contact.stiffness * contact.mobility)
+        contact.phase, entry.what, contact.memory = CONTACT, TOUCH, contact.factor / speed
+        contact.began_s = contact.force_s = contact.deepest_s = run.time
+        contact.force, contact.deepest = -np.inf, 0.0
+        contact.approach, contact.impulse, contact.dissipated = gap.rate, impulse, lost
+        contact.duration_s = 3.0 * energy ** (1.0 / (n + 1.0)) / speed
+        if 0.0 < contact.duration_s < np.inf:
+            run.step, run.fresh = run.first_part * contact.duration_s, k
+
+
+@inner
+def rises(contact, gap, elastic, ends, h, x):
+    """Return whether the normal force rises at x of a step of h, by the cubic of its penetration.
+
+    That goes through values and rates at both ends. The part of the damper that is not in proportion to the
+    elastic force there is taken from ``gap``.
+    """
+    value, rate, new_value, new_rate = ends
+    change, start, stop = new_value - value, h * rate, h * new_rate
+    second, third = 3.0 * change - 2.0 * start - stop, start + stop - 2.0 * change
+    depth = value + x * (start + x * (second + x * third))
+    slope = (start + x * (2.0 * second + x * 3.0 * third)) / h
+    curve = (2.0 * second + x * 6.0 * third) / (h * h)
+    if elastic < 0.0:
+        elastic = contact.stiffness * max(depth, 0.0) ** contact.exponent
+    stiffer = contact.exponent * elastic * slope * (1.0 + contact.memory * slope)
+    return stiffer + (gap.damper + (elastic - gap.elastic) * contact.memory) * curve * depth > 0.0
+
+
+@inner
+def keep_largest(contact, gap, time):
+    """Keep force and penetration at a time, if they are a contact's largest so far; return the force."""
+    force = gap.elastic * gap.push
+    if force > contact.force:
+        contact.force, contact.force_s = force, time
+    if gap.depth > contact.deepest:
+        contact.deepest, contact.deepest_s = gap.depth, time
+    return force
+
+
+@inner
+def force_at(run, rows, contacts, h, x, k):
+    """Return the normal force of a contact at x of a step of h, and keep it if it is the largest so far."""
+    set_within(run, rows, h, x, run.time)
+    return keep_largest(contacts[k], gap_of(run, rows, AT, k), run.time + x * h)
+
+
+@inner
+def note_largest(run, rows, contacts, h):
+    """Note the largest normal forces and penetrations of the compliant contacts in a step of h.
+
+    Within it they are sought on the quintic: where the penetration turns, and by a parabola around where its
+    cubic says that the force does.
+    """
+    for k in range(len(contacts)):
+        contact, gap, new_gap = contacts[k], gap_of(run, rows, OLD, k), gap_of(run, rows, NEW, k)
+        if contact.phase != CONTACT or contact.rigid != 0.0:
+            continue
+        force, new_force = gap.elastic * gap.push, keep_largest(contact, new_gap, run.time + h)
+        turns, falls = gap.rate > 0.0 > new_gap.rate, new_force < force < contact.force
+        c = contact.clearance
+        rate, new_rate = gap.rate * c / (c + gap.depth), new_gap.rate * c / (c + new_gap.depth)
+        ends = gap.depth, rate, new_gap.depth, new_rate
+        inside = not falls and not rises(contact, new_gap, new_gap.elastic, ends, h, 1.0)
+        if not (turns or inside):
+            continue
+        know_slopes(run, h)
+        if turns:
+            x = turning(run, rows, contacts, h, k, True)
+            keep_largest(contact, gap_of(run, rows, AT, k), run.time + x * h)
+        if inside:
+            low, high = 0.0, 1.0
+            for _ in range(20):
+                x = 0.5 * (low + high)
+                if rises(contact, new_gap, -1.0, ends, h, x):
+                    low = x
+                else:
+                    high = x
+            x = min(max(low, ASIDE_OF_PEAK), 1.0 - ASIDE_OF_PEAK)
+            before = force_at(run, rows, contacts, h, x - ASIDE_OF_PEAK, k)
+            at = force_at(run, rows, contacts, h, x, k)
+            after = force_at(run, rows, contacts, h, x + ASIDE_OF_PEAK, k)
+            bend = before - 2.0 * at + after
+            if bend < 0.0:
+                x += 0.5 * ASIDE_OF_PEAK * (before - after) / bend
+                force_at(run, rows, contacts, h, min(max(x, 0.0), 1.0), k)
+
+
+# ----------------------------------------------------------------------------------------- rigid walls
+
+
+@inner
+def look(run, row):
+    """Set a row to what the kernel says of the rigid walls; return whether it could."""
+    return call(run.walls, run.walls_p, run.contacts, run.time, run.at, run.at + row * run.width) < np.inf
+
+
+@inner
+def push_back(run, rows, contacts, row, k):
+    """Set what walls do to their pins, that of contact k and those that follow; return whether all push.
+
+    With k it is impulses, by which its speed along the normal changes from u to -e u and the others' to zero;
+    with k = -1 forces, by which pins that follow have no acceleration along the normal. The walls are in a
+    row, and the results in the column after the matrix of mobilities, W of all R rigid joints.
+    """
+    R, S, n, at = run.rigid_joints, run.wall_rows, run.n, rows[row]
+    D, W = WALL_FIELDS * R, WALL_FIELDS * R + 2 * S * n
+    free = W + S * S + S
+    for i in range(R):
+        for j in range(R + 1):
+            rows[DENSE + i, j] = 1.0 if i == j else 0.0
+    for a in range(len(contacts)):
+        if a == k or (contacts[a].rigid != 0.0 and contacts[a].phase != FLIGHT):
+            i = contacts[a].number
+            for b in range(len(contacts)):
+                if b == k or (contacts[b].rigid != 0.0 and contacts[b].phase != FLIGHT):
+                    rows[DENSE + i, contacts[b].number] = at[W + i * S + contacts[b].number]
+            right = at[WALL_FIELDS * i + 1] * (1.0 + (contacts[a].restitution if a == k else 0.0))
+            if k < 0:
+                right = at[WALL_FIELDS * i + 2]
+                for c in range(n):
+                    right -= at[D + i * n + c] * at[free + c]
+            rows[DENSE + i, R] = right
+    for i in range(R):  # W is positive definite
+        pivot = rows[DENSE + i, i]
+        if not (pivot == 1.0 or pivot > DEPENDENT * at[WALL_FIELDS * i + 5]):
+            return False
+        for j in range(R + 1):
+            rows[DENSE + i, j] /= pivot
+        for other in range(R):
+            factor = rows[DENSE + other, i]
+            if other != i and factor != 0.0:
+                add(rows[DENSE + other], -factor, rows[DENSE + i], R + 1)
+    for i in range(R):
+        if rows[DENSE + i, R] < 0.0:
+            return False
+    return True
+
+
+@inner
+def bounce(run, rows, contacts, k):
+    """Have a pin hit its rigid wall and fly off again; return whether that is all there is to the event.
+
+    It is, where no other pin hits, there is no friction, all that follow are pushed by the impact and go on
+    following, and this one does not come too slowly or leave for too short a flight. Otherwise nothing is
+    changed, and ``impacts.resolve`` has to do it.
+    """
+    contact, R, S, n = contacts[k], run.rigid_joints, run.wall_rows, run.n
+    simple = contact.phase == FLIGHT and len(rows) > R + DENSE
+    for i in range(len(contacts)):
+        if contacts[i].rigid != 0.0:
+            near = gap_of(run, rows, OLD, i).g > -run.lowest * contacts[i].noise
+            simple = simple and contacts[i].friction == 0.0
+            simple = simple and (i == k or contacts[i].phase != FLIGHT or not near)
+    if not (simple and look(run, SPARE)):
+        return False
+    at, after, old, kept = rows[SPARE], rows[AT], rows[OLD], rows[END]
+    first, motion, W = WALL_FIELDS * contact.number, WALL_FIELDS * R + S * n, WALL_FIELDS * R + 2 * S * n
+    rate, rate_noise = at[first + 1], at[first + 4]
+    if not (rate > max(rate_noise, contact.slowest) and push_back(run, rows, contacts, SPARE, k)):
+        return False
+    for c in range(n):
+        kept[c] = old[n + c]
+    for i in range(R):
+        impulse = kept[n + i] = rows[DENSE + i, R]
+        for c in range(n):
+            old[n + c] += impulse * at[motion + i * n + c]
+    rebounds = look(run, AT) and push_back(run, rows, contacts, AT, -1)
+    if rebounds:
+        own, free, outward = WALL_FIELDS * R + contact.number * n, W + S * S + S, after[first + 2]
+        for c in range(n):
+            pushed = after[free + c]
+            for i in range(R):
+                pushed += rows[DENSE + i, R] * after[motion + i * n + c]
+            outward -= after[own + c] * pushed
+        height = FLIGHT_HEIGHT * run.lowest * after[first + 3] * max(outward, 0.0)
+        rebounds = outward <= 0.0 or -2.0 * after[first + 1] >= max(run.shortest_s * outward, np.sqrt(height))
+    if not rebounds:
+        for c in range(n):
+            old[n + c] = kept[c]
+        return False
+    for i in range(len(contacts)):
+        if i == k or (contacts[i].rigid != 0.0 and contacts[i].phase != FLIGHT):
+            other, j, entry = contacts[i], contacts[i].number, run.events[run.logged]
+            restitution = other.restitution if i == k else 0.0
+            approach, impulse = at[WALL_FIELDS * j + 1], kept[n + j]
+            lost, mass = 0.5 * (1.0 - restitution) * approach * impulse, 1.0 / at[W + j * S + j]
+            old[2 * n] += at[W + S * S + j] * impulse
+            old[2 * n + other.column] += impulse
+            old[2 * n + other.column + 1] += lost
+            other.noise = after[WALL_FIELDS * j + 3]
+            other.rate_noise = max(at[WALL_FIELDS * j + 4], after[WALL_FIELDS * j + 4])
+            entry.time_s, entry.contact, entry.what = run.time, i, REBOUND if i == k else SUPPORT
+            entry.approach, entry.impulse, entry.lost, entry.mass = approach, impulse, lost, mass
+            run.logged += 1
+    set_gaps(run, run.time, OLD)
+    return True
