@@ -232,7 +232,8 @@ def refusing() -> Iterator[None]:
         raise BadInput(str(reason)) from None
     except UnsupportedScene as reason:
         text = f"engine: expected one that can run this scene, got '{reason}'"
-        raise BadInput(str(reason) if str(reason).startswith("start: ") else text) from None
+        own = str(reason).startswith(("start: ", "samples: ", "step: "))
+        raise BadInput(str(reason) if own else text) from None
 
 
 @check_arguments

@@ -227,8 +227,9 @@ def measure(case: Case) -> tuple[Row, Curves]:
     samples = max(1, min(round(TURN_SAMPLES * (transient + revolutions)), MOST_SAMPLES))
     longest_s = scene.end_time_s if columns["step"] is None else float(str(columns["step"]))
     with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
-        run = engine.simulate(scene, RunSettings(min(longest_s, scene.end_time_s), samples))
-        warnings = doubts(engine, scene, run, None)
+        settings = RunSettings(min(longest_s, scene.end_time_s), samples)
+        run = engine.simulate(scene, settings)
+        warnings = doubts(engine, scene, run, settings)
     numbers = {**quality_of(scene, run).parts(), **summary(scene, run, transient, revolutions)}
     known = {name: value for name, value in numbers.items() if math.isfinite(value)}
     return {"warnings": "; ".join(warnings), **known}, {}

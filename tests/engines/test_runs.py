@@ -54,21 +54,21 @@ def rubbing(speed_m_s: float) -> dict[str, object]:
 
 
 @pytest.mark.parametrize(
-    ("engine", "name", "changes", "field"),
+    ("engine", "name", "changes"),
     [
-        ("reference", "clearance", {"radial_clearance_m": 1e-200}, "radial_clearance_m"),
-        ("reference", "clearance", rubbing(1e-14), "friction.regularisation_speed_m_s"),
-        ("reference", "rigid", rubbing(1e-200), "friction.regularisation_speed_m_s"),
-        ("scipy", "clearance", rubbing(1e-14), "friction.regularisation_speed_m_s"),
+        ("reference", "clearance", {"radial_clearance_m": 1e-200}),
+        ("reference", "clearance", rubbing(1e-14)),
+        ("reference", "rigid", rubbing(1e-200)),
+        ("scipy", "clearance", rubbing(1e-14)),
     ],
 )
-def test_a_run_whose_steps_collapse_says_which_field_forces_it(
-    engine: str, name: str, changes: dict[str, object], field: str, monkeypatch: pytest.MonkeyPatch
+def test_a_run_whose_steps_collapse_ends_and_says_so(
+    engine: str, name: str, changes: dict[str, object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(minimal_runs, "OUTLASTING", 5_000)
     monkeypatch.setattr(reference_runs, "LOOK_UP_STEPS", 20_000)
     of = SCENES[f"{name}-driven-0.1mm"]().replace({f"clearance.B.{key}": changes[key] for key in changes})
-    with pytest.raises(SimulationFailed, match=rf"^clearance\.B\.{field}: expected"):
+    with pytest.raises(SimulationFailed, match=r"^steps of .* at t = .* do not come to the end of the run"):
         make_engine(engine).simulate(of, RunSettings(1e-5, 10))
 
 

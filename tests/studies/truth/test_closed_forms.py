@@ -82,13 +82,12 @@ def loaded(name: str, load: str) -> Scene:
         (-300.0, 20.0, 5e3, 3e3) if name in PRESCRIBED else (-5.0, 1.0, 200.0, 10.0)
     )
     parts = {
-        "none": None,
         "all": CrankLoad(
             force_N=push, viscous_N_s_m=damping, spring_N_m=stiffness, free_position_m=0.1, gas=gas(peak)
         ),
         "lines": CrankLoad(gas=gas(peak).model_copy(update={"interpolation": "linear"})),
     }
-    return scene.model_copy(update={"load": {"slider": parts[load]}})
+    return scene.model_copy(update={"load": {"slider": parts[load]}}) if load in parts else scene
 
 
 def assert_same(scene: Scene, mine: Trajectory, true: Trajectory, part: float) -> None:
