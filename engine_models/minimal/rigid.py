@@ -44,7 +44,7 @@ def settle(model: Model, t: float, y: FloatArray, k: int) -> tuple[FloatArray, t
     T[dependent] = -np.linalg.solve(B[:, dependent], B[:, free])
     response = np.linalg.solve(T.T @ (mass[:, None] * T), T.T @ N)
     e = float(wall[eq.E]) if speed >= wall[eq.SLOWEST] else 0.0
-    impulse = (1 + e) * speed / (N @ T @ response)
+    impulse = float((1 + e) * speed / (N @ T @ response))
     after, jump, lost = y.copy(), -impulse * (T @ response), impulse * speed * (1 - e) / 2
     after[size : 2 * size] = v + jump
     if model.of.drive.prescribes:
