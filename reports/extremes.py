@@ -134,7 +134,7 @@ def verdicts(answered: pd.DataFrame, name: str, title: str, shown: bool = True) 
             "verdict": [verdict.value for verdict in answered["verdict"]],
             **dict(zip(("error", "energy", "gaps"), (answered[of] for of in JUDGED), strict=True)),
             "error of": [words(of)[0] if isinstance(of, str) else "" for of in answered["judged"]],
-            "reason": answered["reason"],
+            "reason": answered["reason"].str.split(" with step ").str[0],
             "asked for": answered["wanted"].map(WANTED),
             "theory": answered["theory"],
         }

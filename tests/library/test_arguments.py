@@ -29,7 +29,7 @@ def test_numbers_and_arrays_of_numpy_are_pythons_own(tmp_path: Path) -> None:
 
 
 def test_a_run_in_doubt_warns_of_the_line_that_calls_and_one_that_breaks_down_says_when() -> None:
-    with pytest.warns(UserWarning, match="^slider position in doubt") as doubts:
+    with pytest.warns(UserWarning, match="^(energy off|slider position in doubt)") as doubts:
         run = cs.simulate("ideal-free", engine="pymunk", step=1e-3)
     assert [doubt.filename for doubt in doubts] == [__file__] * 2
     energy, position = run.warnings
