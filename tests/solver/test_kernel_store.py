@@ -97,7 +97,10 @@ def test_a_folder_that_others_can_write_to_is_refused_unless_only_owners_replace
 def test_what_is_somebody_elses_is_made_again_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     loaded()
     real, owner = os.fstat, os.geteuid()
-    somebody = lambda file: os.stat_result([*real(file)[:4], real(file).st_uid + 1, *real(file)[5:]])  # noqa: E731
+
+    def somebody(file: int) -> os.stat_result:
+        return os.stat_result([*real(file)[:4], real(file).st_uid + 1, *real(file)[5:]])
+
     with monkeypatch.context() as patch:
         patch.setattr(os, "fstat", somebody)
         assert not loaded()
