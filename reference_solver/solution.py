@@ -9,7 +9,7 @@ from reference_solver.impacts import Impacts, ModeChange
 from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.run import REBOUND, RELEASE, SUPPORT, Impact, Run
+from reference_solver.run import REBOUND, RELEASE, Impact, Run
 from reference_solver.tape import FloatArray, RecordArray
 
 #: What a contact dissipates by (see ``contacts.rates_of``).
@@ -139,11 +139,10 @@ def solution_of(
 def impacts_in(events: RecordArray) -> list[Impact]:
     """Return the compliant contacts that are over and the rebounds from rigid walls, of a log (E,)."""
     impacts, nan = list[Impact](), np.nan
-    ended = events[np.isin(events["what"], (RELEASE, REBOUND, SUPPORT))]
+    ended = events[np.isin(events["what"], (RELEASE, REBOUND))]
     for t, k, what, speed, impulse, lost, mass, began, *largest in ended[ENDED].tolist():
         if what == RELEASE:
             impacts.append(Impact(began, k, "contact", t - began, speed, impulse, nan, lost, nan, *largest))
         else:
-            kind = "impact" if what == REBOUND else "support"
-            impacts.append(Impact(t, k, kind, 0.0, speed, impulse, 0.0, lost, mass))
+            impacts.append(Impact(t, k, "impact", 0.0, speed, impulse, 0.0, lost, mass))
     return impacts

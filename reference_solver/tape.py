@@ -74,7 +74,7 @@ class Tape:
         return Value(self, self._node(operation, operands, known))
 
     def call(self, function: str, arguments: Iterable[Scalar], results: int) -> list[Value]:
-        """Return so many results of another function of the kernel."""
+        """Return so many results of another function, of numbers."""
         node = self._node("call", (function, results, *arguments), False)
         return [Value(self, self._node("result", (node, k), False)) for k in range(results)]
 

@@ -18,7 +18,7 @@ from reference_solver.mechanism.contacts import ClearanceJoint
 from reference_solver.mechanism.data import GROUND, Guide, Line, Motion, Pin
 from reference_solver.mechanism.motions import moved
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.tape import Array, Scalar, array
+from reference_solver.tape import Array, FloatArray, Scalar, array
 
 
 @dataclass(frozen=True)
@@ -198,3 +198,16 @@ def row_slices(constraints: Sequence[Constraint], n: int) -> list[slice]:
     still = np.zeros(n)
     ends = np.cumsum([0, *(len(rows_of(c, State(still, still), 0.0, still).C) for c in constraints)])
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def row_dependence(B: Array, inverse_mass: Array, tolerance: float) -> tuple[FloatArray, FloatArray]:
+    """Return the singular values (m,), falling, of the rows of [B] (m, n), each of length 1 in [M]^-1's norm.
+
+    Also of every row its share in those below a tolerance, or in the least.
+    """
+    scaled = B * np.sqrt(inverse_mass)
+    size = np.linalg.norm(scaled, axis=1, keepdims=True)
+    left, values, _ = np.linalg.svd(scaled / np.where(size > 0, size, 1.0))
+    values = np.append(values, np.zeros(len(left) - len(values)))
+    small = values <= max(tolerance, values.min(initial=np.inf))
+    return values, np.linalg.norm(left[:, small], axis=1)

@@ -41,14 +41,6 @@ def lifted(
     return new
 
 
-def tables_in(data: object) -> list[PiecewiseCubic]:
-    """Return all tables in dataclasses and tuples, in the order of ``lifted``."""
-    if isinstance(data, PiecewiseCubic):
-        return [data]
-    parts = data if isinstance(data, tuple) else (getattr(data, name) for name, _ in _fields(type(data)))
-    return [table for part in parts for table in tables_in(part)]
-
-
 def _fields_of(kind: type) -> tuple[tuple[str, tuple[float, ...]], ...]:
     """Return the names of a dataclass's fields with the numbers written out in them; nothing of others.
 

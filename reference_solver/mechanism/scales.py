@@ -6,7 +6,7 @@ import numpy as np
 
 from reference_solver.mechanism.constraints import PrescribedMotion, PrescribedSlide
 from reference_solver.mechanism.data import GROUND, Ends
-from reference_solver.mechanism.loads import AlongLine, ForceByTime, Load, TorqueByTime
+from reference_solver.mechanism.loads import ByAngle, ByTime, Constant, Force, Torque
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import ROW, PiecewiseCubic, fastest
 from reference_solver.tape import FloatArray
@@ -33,9 +33,7 @@ def scales_of(
     bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
     length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
     swing = np.sqrt(np.hypot(mechanism.gravity_m_s2, mechanism.gravity_x_m_s2) / length)
-    pushed = max((_push(load, mechanism, end_time_s) for load in mechanism.loads), default=0.0)
-    turned = max((_turn(load, mechanism, end_time_s) for load in mechanism.loads), default=0.0)
-    swing = max(swing, np.sqrt(pushed / length), np.sqrt(turned))
+    swing = max([swing, *(_push(load, mechanism, length, end_time_s) for load in mechanism.forces)])
     turns = (fastest(c.motion) for c in mechanism.constraints if isinstance(c, PrescribedMotion))
     slides = (fastest(c.motion) / length for c in mechanism.constraints if isinstance(c, PrescribedSlide))
     driven = max([0.0, *turns, *slides])
@@ -51,22 +49,21 @@ def _longest_arm(mechanism: Mechanism) -> float:
     return max((float(np.hypot(*getattr(part, f"point_{s}"))) for part, s in ends), default=0.0)
 
 
-def _push(load: Load, mechanism: Mechanism, end_time_s: float) -> float:
-    """Return the largest acceleration that a force along a line gives one of its bodies alone, in m/s^2."""
-    force = getattr(load, "force_N", 0.0)
-    if not isinstance(load, AlongLine) or not force:
-        return 0.0
-    if isinstance(force, PiecewiseCubic):
-        force = _largest(force, end_time_s if isinstance(load, ForceByTime) else None)
-    ends = (load.body_i, load.body_j)
-    return float(abs(force)) / min((mechanism.bodies[k].mass_kg for k in ends if k != GROUND), default=np.inf)
-
-
-def _turn(load: Load, mechanism: Mechanism, end_time_s: float) -> float:
-    """Return the largest angular acceleration that a torque by the time gives its body alone, in 1/s^2."""
-    if not isinstance(load, TorqueByTime):
-        return 0.0
-    return _largest(load.torque_N_m, end_time_s) / mechanism.bodies[load.body].inertia_kg_m2
+def _push(load: Force | Torque, mechanism: Mechanism, length: float, end_time_s: float) -> float:
+    """Return the rate in 1/s at which a load's largest force, or torque by the time, moves a body alone."""
+    match load.law:
+        case Constant(size) if isinstance(load, Force):
+            largest = abs(size)
+        case ByTime(table):
+            largest = _largest(table, end_time_s)
+        case ByAngle(table):
+            largest = _largest(table, None)
+        case _:
+            return 0.0
+    if isinstance(load, Torque):
+        return float(np.sqrt(largest / mechanism.bodies[load.body].inertia_kg_m2))
+    masses = [mechanism.bodies[k].mass_kg for k in (load.body_i, load.body_j) if k != GROUND]
+    return float(np.sqrt(largest / min(masses, default=np.inf) / length))
 
 
 def _largest(table: PiecewiseCubic, end: float | None) -> float:
