@@ -35,27 +35,22 @@ def kinetic_J(mechanism: Mechanism, v: FloatArray) -> FloatArray:
     return np.asarray(v**2 @ mechanism.masses / 2)
 
 
-def potentials_J(run: Solution) -> FloatArray:
-    """Return the potential energies at a run's samples, of gravity, loads and contacts, each a row (s,)."""
-    mechanism, q = run.mechanism, run.q
-    masses = mechanism.masses[::3]
-    rows = [mechanism.gravity_m_s2 * (q[:, 1::3] @ masses), -mechanism.gravity_x_m_s2 * (q[:, ::3] @ masses)]
-    rows += [row for load in mechanism.loads if (row := potential_J(load, q)) is not None]
-    for k, joint in enumerate(mechanism.contacts):
-        if not joint.rigid:
-            law, depth = joint.law, distance_m(joint, q) - joint.radial_clearance_m
-            rows.append(run.closed[:, k] * stored_J(law.stiffness, law.exponent, depth))
-    return np.array(rows)
-
-
 def ledger_J(run: Solution) -> FloatArray:
     """Return the ledger of a run (r, s): kinetic and potential energies gained, works taken, and losses.
 
     Its sum over the rows is zero, but for the run's error. It counts from the first sample on.
     """
     works = [value for name, value in run.sums.items() if name == "drivers" or name.startswith("load")]
-    stored = [kinetic_J(run.mechanism, run.v), *potentials_J(run)]
-    lines = np.array([*stored, *(-work for work in works), run.losses_J(), run.stabilisation_loss_J])
+    mechanism, q = run.mechanism, run.q
+    kinetic, masses = kinetic_J(mechanism, run.v), mechanism.masses[::3]
+    falls = mechanism.gravity_m_s2 * (q[:, 1::3] @ masses), -mechanism.gravity_x_m_s2 * (q[:, ::3] @ masses)
+    stored = [potential for load in mechanism.loads if (potential := potential_J(load, q)) is not None]
+    for k, joint in enumerate(mechanism.contacts):
+        if not joint.rigid:
+            law, depth = joint.law, distance_m(joint, q) - joint.radial_clearance_m
+            stored.append(run.closed[:, k] * stored_J(law.stiffness, law.exponent, depth))
+    lost = run.losses_J(), run.sums["removed"]
+    lines = np.array([kinetic, *falls, *stored, *(-work for work in works), *lost])
     return np.asarray(lines - lines[:, :1])
 
 
@@ -118,15 +113,12 @@ class Guard:
 
     def _advice(self) -> str:
         """Return what may help a run that is off: springs without length, and flat positions, are named."""
-        for load in self.run.mechanism.loads:
-            if isinstance(load, Spring) and load.free_length_m:
-                length = distance_m(load, self.run.q)
-                if length.min() < NO_LENGTH * load.free_length_m:
-                    when = self.run.time_s[length.argmin()]
-                    return (
-                        f"spring {load.name} has next to no length near t = {when:.6g} s, where its force "
-                        "turns about: end the run before, or hold it off its other end"
-                    )
+        springs = (x for x in self.run.mechanism.loads if isinstance(x, Spring) and x.free_length_m)
+        for spring in springs:
+            length = distance_m(spring, self.run.q)
+            if length.min() < NO_LENGTH * spring.free_length_m:
+                when = f"has next to no length near t = {self.run.time_s[length.argmin()]:.6g} s"
+                return f"spring {spring.name} {when}, where its force turns about: end the run before"
         if self.run.condition > FLAT:
             flat = f"a step came close to a flat position (condition number {self.run.condition:.1e}): "
             return flat + (

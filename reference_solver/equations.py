@@ -11,34 +11,22 @@ The same text is both faces of the algorithm: of numbers it is the readable one,
 import math
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_solver import failures
 from reference_solver.factorisation import Factors
-from reference_solver.failures import (
-    FrictionTooStiff,
-    NonFiniteState,
-    PainleveParadox,
-    SingularConfiguration,
-    TooLight,
-)
 from reference_solver.mechanism.constraints import System, row_dependence, row_slices, system_of
-from reference_solver.mechanism.contacts import (
-    CONTACT,
-    FLIGHT,
-    ClearanceJoint,
-    contact_force,
-    rates_of,
-    separation,
-)
+from reference_solver.mechanism.contacts import CONTACT, FLIGHT, contact_force, rates_of, separation
 from reference_solver.mechanism.data import GROUND, Spring
 from reference_solver.mechanism.loads import Forces, forces_of, integrated, power_of
 from reference_solver.mechanism.mechanism import Mechanism, light
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method
 from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, smaller
-from reference_solver.wall_friction import Rubbing, rubbed
+from reference_solver.wall_friction import rubbed
 
 #: Phase and memory of every contact, (K, 2); None where all are in flight.
 Phases = Array | None
@@ -117,9 +105,7 @@ class Equations:
         self.C = self.system(0.0, np.zeros(self.n)).C
         rows = enumerate(joints, self.own_rows)
         #: The pins that follow with friction.
-        self.rubbing = [
-            Rubbing(row, k, joint, law) for row, (k, joint) in rows if (law := joint.friction) is not None
-        ]
+        self.rubbing = [(row, k, joint, law) for row, (k, joint) in rows if (law := joint.friction)]
 
     @property
     def own_rows(self) -> int:
@@ -135,11 +121,10 @@ class Equations:
 
     def system(self, t: Scalar, q: Array, v: Array | None = None) -> System:
         """Return the rows of (1), [B]{q'} = {C}, with what (4) needs and with {g}; at rest without v."""
-        return system_of(
-            self._constraints, State(q, np.zeros(self.n) if v is None else v, t), t, self.q_start
-        )
+        state = State(q, np.zeros(self.n) if v is None else v, t)
+        return system_of(self._constraints, state, self.q_start)
 
-    def _compliant(self, phases: Phases) -> list[tuple[int, ClearanceJoint, Scalar, Scalar]]:
+    def _compliant(self, phases: Phases) -> list[tuple[Any, ...]]:
         """Return number, joint, phase and memory of every compliant contact."""
         joints = self.mechanism.contacts
         phases = np.full((len(joints), 2), FLIGHT) if phases is None else phases
@@ -206,8 +191,8 @@ class Equations:
             rubs = rubbed(self.rubbing, State(q, v), factors, lambda_)
             change, lambda_, forces, speeds, damper, mobile = rubs
             A, ok = A + change, both(ok, mobile)
-            for pin, force, speed in zip(self.rubbing, forces, speeds, strict=True):
-                friction[pin.contact], powers[f"slide{pin.contact}"] = force, -(force * speed)
+            for (_, k, *_), force, speed in zip(self.rubbing, forces, speeds, strict=True):
+                friction[k], powers[f"slide{k}"] = force, -(force * speed)
         for row, k in enumerate(self.following, self.own_rows):
             powers[f"normal{k}"] = -(self.mechanism.contacts[k].radial_clearance_m * lambda_[row])
         powers["drivers"] = lambda_ @ system.C
@@ -249,12 +234,7 @@ class Equations:
     def accelerations(
         self, t: float, q: FloatArray, v: FloatArray, phases: Phases = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Return {q''} = {A} (n,) and the multipliers {lambda} (m,), equations (3)-(10).
-
-        Raises:
-            SingularConfiguration: [B] has not full row rank.
-            PainleveParadox: friction leaves a pin that follows its wall no mobility along its normal.
-        """
+        """Return {q''} = {A} (n,) and the multipliers {lambda} (m,), equations (3)-(10), as ``required``."""
         answer = self.required(t, q, v, phases)
         return answer.accelerations, answer.multipliers
 
@@ -272,10 +252,11 @@ class Equations:
         if not answer.ok and np.isfinite(q).all() and np.isfinite(v).all():
             if not self.factors(self.system(0.0, q).B).ok:
                 self.refuse_singular(t, q)
-            raise PainleveParadox(t, tuple(pin.contact for pin in self.rubbing))
+            joints = failures.listed([str(k) for _, k, *_ in self.rubbing])
+            raise failures.PainleveParadox(time_s=t, joints=joints)
         if h * answer.damper_per_s > of.damper_limit:
             rate, needed_s = answer.damper_per_s, of.damper_limit / answer.damper_per_s
-            raise FrictionTooStiff(time_s=t, step_s=h, rate=rate, needed_s=float(needed_s))
+            raise failures.FrictionTooStiff(time_s=t, step_s=h, rate=rate, needed_s=float(needed_s))
         return answer
 
     def refuse_singular(self, t: float, q: FloatArray) -> None:
@@ -287,12 +268,14 @@ class Equations:
         """
         tolerance = np.sqrt(len(self.C) * PIVOT_TOLERANCE_PER_ROW)
         if not np.isfinite(q).all():
-            raise NonFiniteState(t)
+            raise failures.NonFiniteState(time_s=t)
         if (reason := light(self.mechanism.bodies)) is not None:
-            raise TooLight(reason)
+            raise failures.TooLight(reason)
         values, shares = row_dependence(self.system(0.0, q).B, self.inverse_mass, tolerance)
-        names = self._names_of(shares > INVOLVED)
-        raise SingularConfiguration(int((values > tolerance).sum()), len(self.C), t, names)
+        rank, names = int((values > tolerance).sum()), self._names_of(shares > INVOLVED)
+        raise failures.SingularConfiguration(
+            rank=rank, rows=len(self.C), time_s=t, joints=names, names=failures.listed(names)
+        )
 
     def limit_s(self, times_s: FloatArray, q: FloatArray, taken: int) -> float | None:
         """Return when a driven mechanism without freedom comes to where it cannot follow; None if it can.
@@ -308,17 +291,14 @@ class Equations:
         t, place, step = float(times_s[last]), q[last], float(times_s[1] - times_s[0])
         end = float(times_s[min(taken, len(times_s) - 1)])
         for _ in range(MOST_TRIALS):
-            if t >= end:
-                return None
-            if step < RESOLVED * end:
-                return t
+            if t >= end or step < RESOLVED * end:
+                return None if t >= end else t
             change = np.linalg.lstsq(self.system(0.0, place).B, step * self.system(t, place).C, rcond=None)[0]
-            new, far = place + change, np.abs(change).max()
+            new, far, move = place + change, np.abs(change).max(), np.inf
             for _ in range(NEWTON_STEPS):
-                move = self._project_q(t + step, new, None)[0] - new
-                new = new + move
-                if not np.abs(move).max() > CLOSED:
-                    break
+                if np.abs(move).max() > CLOSED:
+                    move = self._project_q(t + step, new, None)[0] - new
+                    new = new + move
             if np.abs(move).max() <= CLOSED and np.abs(new - place - change).max() <= far:
                 t, place, step = t + step, new, 1.5 * step
             else:

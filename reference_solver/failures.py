@@ -34,13 +34,13 @@ class SingularConfiguration(SolverError):
     ``joints`` are the names of the constraints whose rows depend on each other.
     """
 
-    def __init__(self, rank: int, rows: int, time_s: float, joints: tuple[str, ...]) -> None:
-        self.rank, self.rows, self.joints = rank, rows, joints
-        super().__init__(
-            f"the joints' rows have rank {rank} of {rows} at t = {time_s:.6g} s, those of "
-            f"{listed(joints)} depend on each other: take one of them away, give it clearance, or stop "
-            "before the singular position"
-        )
+    rank: int
+    rows: int
+    joints: tuple[str, ...]
+    message = (
+        "the joints' rows have rank {rank} of {rows} at t = {time_s:.6g} s, those of {names} depend on each "
+        "other: take one of them away, give it clearance, or stop before the singular position"
+    )
 
 
 class TooLight(SolverError):
@@ -84,11 +84,9 @@ class DriftAmplified(SolverError):
 
 
 class NonFiniteState(SolverError):
-    """The state has overflowed or become NaN; the step is 0 where it is not known."""
+    """The state has overflowed or become NaN."""
 
-    def __init__(self, time_s: float, step_s: float = 0.0) -> None:
-        step = f" with step {step_s:.3g} s" if step_s else ""
-        super().__init__(f"non-finite state at t = {time_s:.6g} s{step}: shorten the step")
+    message = "non-finite state at t = {time_s:.6g} s: shorten the step"
 
 
 class StepsCollapsed(SolverError):
@@ -112,11 +110,10 @@ class BlockedImpact(SolverError):
 class PainleveParadox(SolverError):
     """Friction leaves a pin no motion that answers its wall's push along the normal."""
 
-    def __init__(self, time_s: float, joints: tuple[int, ...]) -> None:
-        super().__init__(
-            f"rigid joints {', '.join(map(str, joints))} at t = {time_s:.6g} s: with friction the normal "
-            "mobility is not positive (Painleve's paradox): lower the friction or use a compliant law"
-        )
+    message = (
+        "rigid joints {joints} at t = {time_s:.6g} s: with friction the normal mobility is not positive "
+        "(Painleve's paradox): lower the friction or use a compliant law"
+    )
 
 
 class FrictionTooStiff(SolverError):

@@ -40,15 +40,7 @@ from numpy.typing import NDArray
 
 from reference_solver import failures
 from reference_solver.equations import Answer, Equations
-from reference_solver.mechanism.contacts import (
-    CONTACT,
-    FLIGHT,
-    FRICTION_LAWS,
-    ClearanceJoint,
-    RigidWall,
-    separation,
-)
-from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.contacts import CONTACT, FLIGHT, FRICTION_LAWS, separation
 from reference_solver.mechanism.points import State
 from reference_solver.run import DEPENDENT, FLIGHT_HEIGHT, OLD, Impact, Run, wall_record
 from reference_solver.tape import Array, FloatArray, Scalar, array
@@ -117,13 +109,10 @@ def least_minor_ratio(W: FloatArray, plain: FloatArray) -> float:
 
     Minors of that which are round-off beside the product of its diagonal are left out; 1 with none left.
     """
-    least, k = 1.0, len(W)
-    for members in chain.from_iterable(combinations(range(k), size) for size in range(1, k + 1)):
-        part = np.ix_(members, members)
-        reference = np.linalg.det(plain[part])
-        if reference > LEAST_MINOR * np.diag(plain)[list(members)].prod():
-            least = min(least, float(np.linalg.det(W[part]) / reference))
-    return least
+    sets = chain.from_iterable(combinations(range(len(W)), size) for size in range(1, len(W) + 1))
+    parts = [np.ix_(members, members) for members in sets]
+    minors = [(np.linalg.det(W[x]), np.linalg.det(plain[x]), np.diag(plain[x]).prod()) for x in parts]
+    return float(min([1.0, *(minor / of for minor, of, size in minors if of > LEAST_MINOR * size)]))
 
 
 # ---------------------------------------------------------------------------------- one impact
@@ -153,57 +142,27 @@ def find_impulses(
                 A[row], b[row] = W[row], -u[row]
             elif row >= 0 and state != OPEN:
                 A[row, i] = friction[i] if state == MINUS else -friction[i]
-        rubbed, full = solve(A, b)
-        if full and keeps_conditions(W, u, restitution, friction, tangent, case, rubbed):
-            return moved_back(W, u, plain, rubbed)
+        rubbed, kept = solve(A, b)
+        after, little, slow = u + W @ rubbed, CASE_SLACK * np.abs(rubbed).max(), CASE_SLACK * np.abs(u).max()
+        for i, (state, row) in enumerate(zip(case, tangent, strict=True)):
+            kept = kept and rubbed[i] >= -little and after[i] + restitution[i] * u[i] >= -slow
+            # What is beyond Coulomb's limit, or slides in the wrong direction.
+            stuck = abs(rubbed[row]) - friction[i] * rubbed[i] - little
+            beyond = stuck, -after[row] - slow, after[row] - slow
+            kept = kept and (row < 0 or state == OPEN or beyond[state] <= 0.0)
+        if kept:
+            # The kinetic energy grows by g0 + s g1 + s^2 g2 on the way s, with g0 <= 0 and g2 >= 0.
+            way, part = rubbed - plain, 1.0
+            g0 = plain @ (u + 0.5 * W @ plain)
+            g1, g2 = way @ (u + W @ plain), 0.5 * way @ W @ way
+            if g0 + g1 + g2 > 0.0:
+                root = np.sqrt(max(float(g1 * g1 - 4.0 * g0 * g2), 0.0))
+                part = -2.0 * g0 / (g1 + root) if g1 > 0.0 else (root - g1) / (2.0 * g2)
+            return np.asarray(plain + min(max(part, 0.0), 1.0) * way)
     return plain
 
 
-def keeps_conditions(
-    W: FloatArray,
-    u: FloatArray,
-    restitution: FloatArray,
-    friction: FloatArray,
-    tangent: list[int],
-    case: tuple[int, ...],
-    impulse: FloatArray,
-) -> bool:
-    """Return whether impulses keep signs, Coulomb's limits, and the direction of sliding of their case."""
-    after, little, slow = u + W @ impulse, CASE_SLACK * np.abs(impulse).max(), CASE_SLACK * np.abs(u).max()
-    for i, (state, row) in enumerate(zip(case, tangent, strict=True)):
-        if impulse[i] < -little or after[i] + restitution[i] * u[i] < -slow:
-            return False
-        if row < 0:
-            continue
-        if state == STICK and abs(impulse[row]) > friction[i] * impulse[i] + little:
-            return False
-        if (state == MINUS and -after[row] > slow) or (state == PLUS and after[row] > slow):
-            return False
-    return True
-
-
-def moved_back(W: FloatArray, u: FloatArray, plain: FloatArray, rubbed: FloatArray) -> FloatArray:
-    """Return the impulses nearest ``rubbed``, on the way from the frictionless ones, that let no energy grow.
-
-    The growth is g0 + s g1 + s^2 g2 with g0 <= 0 and g2 >= 0: one root in [0, 1].
-    """
-    way = rubbed - plain
-    g0 = plain @ (u + 0.5 * W @ plain)
-    g1, g2 = way @ (u + W @ plain), 0.5 * way @ W @ way
-    part: Any = 1.0
-    if g0 + g1 + g2 > 0.0:
-        root = np.sqrt(max(float(g1 * g1 - 4.0 * g0 * g2), 0.0))
-        part = -2.0 * g0 / (g1 + root) if g1 > 0.0 else (root - g1) / (2.0 * g2)
-    return np.asarray(plain + min(max(part, 0.0), 1.0) * way)
-
-
 # ------------------------------------------------------------------------------------- walls
-
-
-def rigid_joints(mechanism: Mechanism) -> list[tuple[int, ClearanceJoint, RigidWall]]:
-    """Return number, joint and wall of the contacts that are rigid."""
-    contacts = enumerate(mechanism.contacts)
-    return [(k, joint, joint.law) for k, joint in contacts if isinstance(joint.law, RigidWall)]
 
 
 def walls_at(equations: Equations, answer: Answer, t: Scalar, q: Array, v: Array) -> list[Scalar]:
@@ -212,7 +171,7 @@ def walls_at(equations: Equations, answer: Answer, t: Scalar, q: Array, v: Array
     ``answer`` is that of the equations there.
     """
     state, system = State(q, v), equations.system(t, q, v)
-    joints = [joint for _, joint, _ in rigid_joints(equations.mechanism)]
+    joints = [joint for joint in equations.mechanism.contacts if joint.rigid]
     at = [separation(joint, state) for joint in joints]
     tangents = [each.tangent for each, joint in zip(at, joints, strict=True) if joint.friction is not None]
     D = array([*(-each.normal for each in at), *tangents])
@@ -257,12 +216,12 @@ class Impacts:
 
     def __init__(self, equations: Equations, sums: list[str], kernel: Any) -> None:
         self._equations, self._kernel = equations, kernel
-        rigid = rigid_joints(equations.mechanism)
-        self._contact = [k for k, _, _ in rigid]
+        self._contact = [k for k, joint in enumerate(equations.mechanism.contacts) if joint.rigid]
         self._column = [sums.index(f"normal{k}") for k in self._contact]
-        self._restitution = np.array([wall.restitution for _, _, wall in rigid])
-        self._slowest = np.array([wall.minimum_impact_speed_m_s for _, _, wall in rigid])
-        laws = [joint.friction for _, joint, _ in rigid]
+        rigid = [equations.mechanism.contacts[k] for k in self._contact]
+        self._restitution = np.array([joint.law.restitution for joint in rigid])
+        self._slowest = np.array([joint.law.minimum_impact_speed_m_s for joint in rigid])
+        laws = [joint.friction for joint in rigid]
         self._friction = np.array([0.0 if law is None else law.coefficient for law in laws])
         rows = np.cumsum([law is not None for law in laws]) + len(rigid) - 1
         self._tangent = [-1 if law is None else int(row) for law, row in zip(laws, rows, strict=True)]
@@ -386,7 +345,8 @@ class Impacts:
         tangents = [self._tangent[joints[i]] for i in rubbing]
         matrix[:, rubbing] -= share[rubbing] * walls.W[np.ix_(joints, tangents)]
         if len(rubbing) and least_minor_ratio(matrix, plain) <= LEAST_MOBILITY:
-            raise failures.PainleveParadox(t, tuple(self._contact[joints[i]] for i in rubbing))
+            names = failures.listed([str(self._contact[joints[i]]) for i in rubbing])
+            raise failures.PainleveParadox(time_s=t, joints=names)
         pushes = complementary(matrix, walls.D[joints] @ walls.free - walls.turning[joints])
         force[joints] = pushes
         rubs = (share * pushes)[rubbing] @ walls.motion[tangents]

@@ -17,7 +17,7 @@ from itertools import count
 import numpy as np
 
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.impacts import rigid_joints, walls_at
+from reference_solver.impacts import walls_at
 from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, parameters_text
 from reference_solver.mechanism.contacts import gap
 from reference_solver.mechanism.lifting import lifted
@@ -194,7 +194,7 @@ def program_of(topology: Topology) -> Program:
     names = [*FUNCTIONS]
     if topology.method.estimates:
         names.remove("step")
-    if topology.following or not rigid_joints(topology.mechanism):
+    if topology.following or not any(joint.rigid for joint in topology.mechanism.contacts):
         names.remove("walls")
     for name in names:
         given = given_on(tape := Tape(), topology)
@@ -224,9 +224,9 @@ def places_of(topology: Topology, equations: Equations) -> Callable[[str], tuple
 
     def place(name: str) -> tuple[str, int]:
         letters, k = name.split()
-        if letters in fields:
-            return "contacts", len(fields) * int(k) + fields.index(letters)
-        return "y", first[letters] + int(k)
+        if letters in first:
+            return "y", first[letters] + int(k)
+        return "contacts", len(fields) * int(k) + fields.index(letters)
 
     return place
 

@@ -99,26 +99,6 @@ def write_within(run, rows, contacts, method, times, samples, step):
 
 
 @inner
-def set_out(run, rows, contacts, method):
-    """Set slopes and gaps where a run, or a part of it, begins; return whether it could.
-
-    Compliant contacts that are closed at the start of a run touch then.
-    """
-    run.known = 0
-    if contacts is not None:
-        steps.set_gaps(run, run.time, OLD)
-        for k in range(len(contacts)):
-            closed = contacts[k].phase == FLIGHT and steps.gap_of(run, rows, OLD, k).g > 0.0
-            if run.time == 0.0 and run.end > 0.0 and contacts[k].rigid == 0.0 and closed:
-                events.note(run, rows, contacts, 2 * k)
-        steps.probe(run, rows, contacts)  # pins may have begun to follow rigid walls
-    if method is None:
-        return True
-    run.known = 1
-    return steps.set_slopes(run, run.time, OLD, START) < np.inf
-
-
-@inner
 def move_on(run, rows, contacts, method, step, error, event, factor):
     """Move on to the end of a step, and choose the one after it."""
     old, new = rows[OLD], rows[NEW]
@@ -153,9 +133,19 @@ def advance(state, rows, contacts, method, knots, times, samples):
     and a sample is written for each of the times up to the end; steps do not depend on them.
     """
     run = state[0]
-    if run.resumed == 0:
-        if not set_out(run, rows, contacts, method):
-            return FAILED
+    if run.resumed == 0:  # a run, or a part of it, begins
+        run.known = 0
+        if contacts is not None:
+            steps.set_gaps(run, run.time, OLD)
+            for k in range(len(contacts)):
+                closed = contacts[k].phase == FLIGHT and steps.gap_of(run, rows, OLD, k).g > 0.0
+                if run.time == 0.0 and run.end > 0.0 and contacts[k].rigid == 0.0 and closed:
+                    events.note(run, rows, contacts, 2 * k)
+            steps.probe(run, rows, contacts)  # pins may have begun to follow rigid walls
+        if method is not None:
+            run.known = 1
+            if not steps.set_slopes(run, run.time, OLD, START) < np.inf:
+                return FAILED
     while True:
         while run.taken < len(times) and times[run.taken] <= run.time + run.slack:
             if not write(run, rows, contacts, samples, run.time, OLD):

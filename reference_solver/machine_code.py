@@ -31,12 +31,12 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from reference_solver.kept_files import FolderRefused, private_folder, read_kept, write_kept
-from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value, needs_of
+from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 #: How Numba compiles what calls such functions.
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 ARRAY = types.CPointer(float64)
 ARGUMENTS = "ptr noalias readonly %p, ptr noalias readonly %contacts, double %t, ptr noalias readonly %y"
 BINARY = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
@@ -44,8 +44,6 @@ COMPARED = {">": "ogt", "==": "oeq"}
 #: Functions of one number and of two, by their names on tapes.
 OF_ONE = {"cos": "cos", "sin": "sin", "tanh": "tanh", "sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64"}
 OF_TWO = {"pow": "pow", "copysign": "llvm.copysign.f64"}
-#: Those of the system's library.
-LIBRARY = ("cos", "sin", "tanh", "pow")
 #: What texts begin with: the functions that they may call.
 HEAD = "".join(f"declare double @{name}(double)\n" for name in OF_ONE.values())
 HEAD += "".join(f"declare double @{name}(double, double)\n" for name in OF_TWO.values())
@@ -100,12 +98,6 @@ class FunctionText:
 
     def _at(self, array: str, place: int) -> str:
         return self._line(f"getelementptr double, ptr {array}, i64 {place}") if place else array
-
-    def _reserve(self, size: int) -> str:
-        """Return the name of memory for so many numbers on the stack."""
-        name = f"%x{next(self._new)}"
-        self._reserved.append(f"{name} = alloca double, i64 {size}")
-        return name
 
     def _text(self, operand: Scalar) -> str:
         """Return the text of a value, a number or a condition."""
@@ -164,7 +156,8 @@ class FunctionText:
     def _call(self, node: Node) -> None:
         """Write a call with numbers of a function that stores its results."""
         name, results, *operands = node.operands
-        self._memory[node] = out = self._reserve(results)
+        self._memory[node] = out = f"%x{next(self._new)}"
+        self._reserved.append(f"{out} = alloca double, i64 {results}")  # on the stack
         arguments = "".join(f"double {self._text(operand)}, " for operand in operands)
         self._line(f"call double @{name}(ptr %p, {arguments}ptr {out})")
 
@@ -193,11 +186,17 @@ def needed(tape: Tape, results: Iterable[Scalar]) -> dict[Node, None]:
     """Return the nodes of a tape that results need, those that are known without what they need in turn."""
     found = {result.node: None for result in results if isinstance(result, Value)}
     for node in reversed(tape.nodes):
-        if node in found and not node.known:
-            for operand in needs_of(node):
-                inner = operand.node if isinstance(operand, Value) else operand
-                if isinstance(inner, Node):
-                    found[inner] = None
+        if node not in found or node.known:
+            continue
+        operands = node.operands
+        if node.operation == "branch":
+            operands = operands[:1]
+        elif node.operation == "result" and operands[0].operation == "branch":  # of its outputs this alone
+            operands = operands[0], operands[0].operands[1][operands[1]]
+        for operand in operands:
+            inner = operand.node if isinstance(operand, Value) else operand
+            if isinstance(inner, Node):
+                found[inner] = None
     return found
 
 
@@ -207,7 +206,7 @@ def prepare() -> None:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     library = ctypes.CDLL("ucrtbase" if platform.system() == "Windows" else ctypes.util.find_library("m"))
-    for name in LIBRARY:
+    for name in {*OF_ONE, *OF_TWO} & {*OF_ONE.values(), *OF_TWO.values()}:
         llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
 
 

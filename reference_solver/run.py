@@ -82,10 +82,10 @@ EVENT_RECORD = np.dtype(
 
 #: Where a run is, and how it steps. In floats: time, end, the longest step, steps per contact; tolerance, the
 #: mechanism's length in m and rate in 1/s, the next step and that of the last flight, a contact's first step
-#: as a part of its duration, the last error over the tolerance; the worst condition so
-#: far, the least at a sample, and worst and least of the step tried last, with its length; how far a sample
-#: may be past a step's end; and the flights between rigid walls that are not followed: shorter than so many
-#: seconds, or no higher than so many times the distance's round-off. In integers: coordinates, numbers in y,
+#: as a part of its duration, the last error over the tolerance; the worst condition so far, the least at a
+#: sample, and worst and least of the step tried last, with its length; how far a sample may be past a step's
+#: end; and flights between rigid walls that are not followed: shorter than so many seconds, or no higher than
+#: so many times the distance's round-off. In integers: coordinates, numbers in y,
 #: rigid joints and rows of ``impacts.walls_at``; whether steps go by their error, events are located, slopes
 #: at both ends of a step are known, and a call goes on where the last one ended; steps, their limit, samples
 #: and events so far, steps landed on when all are of one length, rejections in a row, the contact that has

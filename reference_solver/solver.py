@@ -64,10 +64,8 @@ class StepChoice:
 
     def at(self, longest_s: float) -> "StepChoice":
         """Return both rates in proportion, at another longest step."""
-        per_contact = self.steps_per_contact * self.longest_s / longest_s
-        return replace(
-            self, longest_s=longest_s, steps_per_contact=max(FEWEST_STEPS_PER_CONTACT, per_contact)
-        )
+        per_contact = max(FEWEST_STEPS_PER_CONTACT, self.steps_per_contact * self.longest_s / longest_s)
+        return replace(self, longest_s=longest_s, steps_per_contact=per_contact)
 
 
 @dataclass(frozen=True)
@@ -256,7 +254,7 @@ class Solver:
             if status == DONE and state["end"] < end_time_s:
                 state["end"], status = next(landings), SPENT
         if not max(np.abs(run.q).max(), np.abs(run.v).max()) < LARGEST:  # squares of more are no numbers
-            raise failures.NonFiniteState(end_time_s, float(state["longest"]))
+            raise failures.NonFiniteState(time_s=end_time_s)
         solution = solution_of(run, self._mechanism, self._names, np.concatenate(events), impacts, took)
         scales = Scales(float(state["length"]), float(state["rate"]))
         guard = Guard(solution, scales, float(state["longest"]), float(state["tolerance"]))
@@ -288,7 +286,7 @@ class Solver:
 
         def project(t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, float, bool]:
             *result, ok = equations.project(t, q, v, phases)
-            if not ok and np.isfinite(q).all():
+            if not ok:
                 equations.refuse_singular(t, q)
             return (*result, ok)
 
@@ -299,7 +297,7 @@ class Solver:
             after = step(self._method, answer, project if self._projected else None, t, q, v, h)
         if np.isfinite(after.q).all() and np.isfinite(after.v).all():
             raise failures.NearSingular(time_s=t, step_s=h, condition=float(after.condition))
-        raise failures.NonFiniteState(t + h, h)
+        raise failures.NonFiniteState(time_s=t + h)
 
 
 def check_start(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> None:

@@ -19,7 +19,7 @@ from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.methods import MOST_APART
 from reference_solver.run import AT, END, GAP_FIELDS, NEW, OLD, SLOPES, SPARE, START, WEIGHT, Gap
 
-inner = register_jitable(**OPTIONS, no_cfunc_wrapper=True)
+inner = register_jitable(**OPTIONS)
 
 #: Part of the clearance (or of a radian) that a pin crosses in a step of flight, by RK4 and with error
 #: control.

@@ -23,8 +23,6 @@ law's steepest f', wherever v_t is: a reversal may come within any step, and a s
 throw v_t from side to side.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from reference_solver.factorisation import Factors, eliminated
@@ -37,14 +35,8 @@ from reference_solver.tape import Array, Scalar, array, both, larger
 LEAST_MOBILITY = 1e-9
 
 
-@dataclass(frozen=True)
-class Rubbing:
-    """A pin that follows its wall with friction: its row of [B], its number among the contacts, its data."""
-
-    row: int
-    contact: int
-    joint: ClearanceJoint
-    law: FrictionLaw
+#: A pin that follows its wall with friction: its row of [B], its number among the contacts, it and its law.
+Rubbing = tuple[int, int, ClearanceJoint, FrictionLaw]
 
 
 def rubbed(
@@ -56,13 +48,11 @@ def rubbed(
     speeds (r,) against which they act; the rate of the damper that friction is; and whether it leaves the
     pins their mobility.
     """
-    rows = [pin.row for pin in pins]
-    T = array([separation(pin.joint, state).tangent for pin in pins])
-    sliding = T @ state.v
-    shares = [
-        pin.law.coefficient * pin.joint.radial_clearance_m * FRICTION_LAWS[pin.law.law](pin.law, speed)
-        for pin, speed in zip(pins, sliding, strict=True)
-    ]
+    rows = [row for row, *_ in pins]
+    T = array([separation(joint, state).tangent for *_, joint, _ in pins])
+    sliding, shares = T @ state.v, list[Scalar]()
+    for (*_, joint, law), speed in zip(pins, sliding, strict=True):
+        shares.append(law.coefficient * joint.radial_clearance_m * FRICTION_LAWS[law.law](law, speed))
     s = array(shares)
     X, Y = factors.solve(T.T, np.zeros((len(multipliers), len(T))))
     small = np.eye(len(rows)) - s[:, None] * Y[rows]
@@ -70,10 +60,10 @@ def rubbed(
     lambda_ = multipliers + Y @ tau
     ok: Scalar = True
     damper: Scalar = 0.0
-    for i, pin in enumerate(pins):
+    for i, (row, _, joint, law) in enumerate(pins):
         ok = both(ok, pivots[i] > LEAST_MOBILITY)
         # d tau/d v_t of each joint alone: of several the sum is not below the largest rate.
-        pressing = larger(-(pin.joint.radial_clearance_m * lambda_[pin.row]), 0.0)
-        slope = pin.law.coefficient * steepest(pin.law)
+        pressing = larger(-(joint.radial_clearance_m * lambda_[row]), 0.0)
+        slope = law.coefficient * steepest(law)
         damper = damper + slope * pressing * (T[i] @ X[:, i]) / small[i, i]
     return X @ tau, lambda_, tau, sliding, damper, ok

@@ -22,7 +22,7 @@ from reference_solver.mechanism.constraints import (
 )
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, Line, MechanismData, Pin
 from reference_solver.mechanism.mechanism import Mechanism, along, light, mechanism_of
-from reference_solver.mechanism.points import State, ends_of
+from reference_solver.mechanism.points import State, line_at
 from reference_solver.tape import FloatArray
 
 #: The largest turn in a step, in rad; steps at the most; and what joints are open by when they are closed, in
@@ -96,7 +96,7 @@ class Joints:
         self.inverse_mass = 1.0 / mechanism.masses
 
     def _system(self, q: FloatArray) -> System:
-        return system_of(self._constraints, State(q, self._still), 0.0, self._still)
+        return system_of(self._constraints, State(q, self._still), self._still)
 
     def gaps(self, q: FloatArray) -> FloatArray:
         """Return how far the rows are open, in m and rad, (m,)."""
@@ -109,7 +109,7 @@ class Joints:
     def way_rows(self, q: FloatArray) -> FloatArray:
         """Return the rows (g, n) that give from velocities the speeds along the guides."""
         slides = [PrescribedSlide(*along(guide), ConstantSpeed(0.0)) for guide in self.data.guides]
-        return np.asarray(system_of(slides, State(q, self._still), 0.0, self._still).B, float)
+        return np.asarray(system_of(slides, State(q, self._still), self._still).B, float)
 
     def told_rows(self, q: FloatArray, bodies: Iterable[int], guides: Iterable[int]) -> FloatArray:
         """Return the rows that give from velocities the speeds at which bodies turn and along guides."""
@@ -121,11 +121,8 @@ class Joints:
 
     def ways(self, q: FloatArray) -> FloatArray:
         """Return the positions in m along the guides, (g,)."""
-        state, ways = State(q, q), list[float]()
-        for guide in self.data.guides:
-            i, j = ends_of(guide, state)
-            ways.append(state.direction(guide.body_i, guide.angle_rad) @ (j.place - i.place))
-        return np.array(ways)
+        lines = (line_at(guide, State(q, q)) for guide in self.data.guides)
+        return np.array([along @ d for _, _, along, _, d in lines])
 
     def names(self, bodies: Iterable[int], guides: Iterable[int]) -> list[str]:
         """Return the names of bodies and guides."""
@@ -191,7 +188,7 @@ def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
         NotAssembled: at q and v, (n,) each, one is not, by more than ``START_TOLERANCE``.
     """
     mechanism = mechanism_of(replace(of, pins=of.ideal, loads=(), springs=()))
-    system, rows = system_of(mechanism.constraints, State(q, v), 0.0, q), rows_named(mechanism)
+    system, rows = system_of(mechanism.constraints, State(q, v), q), rows_named(mechanism)
     gaps, speeds = np.abs(np.asarray(system.g, float)), np.abs(np.asarray(system.B @ v - system.C, float))
     if not gaps.max(initial=0.0) <= START_TOLERANCE:
         name, unit = rows[int(gaps.argmax())]
@@ -229,7 +226,7 @@ def _closed(joints: Joints, rough: FloatArray, told: Told) -> FloatArray:
     if max(gaps.max(initial=0.0), off.max(initial=0.0)) <= CLOSED * length:
         return q
     worst = "none open"
-    if gaps.max(initial=0.0) > 0:
+    if gaps.any():
         name, unit = joints.rows[int(gaps.argmax())]
         worst = f"{name} open by {gaps.max():.3g} {unit}"
     if held:

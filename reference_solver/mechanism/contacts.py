@@ -66,8 +66,6 @@ DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = MappingProxyType(
 LEAST_DEPTH = 1e-12
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.
 ROUND_OFF = 64 * float(np.finfo(float).eps)
-#: What a contact's branch computes.
-OF_CONTACT = ("force_x", "force_y", "twist_i", "twist_j", "normal", "loss", "clip", "slide", "tangential")
 
 # ------------------------------------------------ a clearance as a file has it (see ``ClearanceData``)
 
@@ -233,27 +231,24 @@ def joint_of(pin: Pin) -> ClearanceJoint:
     """
     ends, room = (pin.body_i, pin.point_i, pin.body_j, pin.point_j), pin.clearance
     assert room is not None
-    law: ContactLaw | RigidWall
-    if room.law == "rigid":
-        law = RigidWall(room.restitution or 0.0, room.minimum_impact_speed_m_s or 0.0)
-    else:
-        stiffness = stiffness_of(room)
-        if not math.isfinite(stiffness):
-            field = (
-                "young_modulus_Pa" if room.radial_clearance_m > sys.float_info.min else "radial_clearance_m"
-            )
-            expected, value = "one whose stiffness is no overflow", getattr(room, field)
-            raise OverflowError(f"{field}: expected {expected}, got {value:g}")
-        law = ContactLaw(
-            stiffness,
-            exponent_of(room),
-            damping_factor_of(room),
-            room.damping_N_s_m or 0.0,
-            minimum_impact_speed_of(room),
-            room.may_pull,
-            room.law if room.law in NORMAL_LAWS else "dissipative",
-        )
     ends = (*ends[2:], *ends[:2]) if pin.bearing_on_j else ends
+    if room.law == "rigid":
+        wall = RigidWall(room.restitution or 0.0, room.minimum_impact_speed_m_s or 0.0)
+        return ClearanceJoint(*ends, room.radial_clearance_m, room.bearing_radius_m, wall, room.friction)
+    stiffness, tiny = stiffness_of(room), room.radial_clearance_m <= sys.float_info.min
+    if not math.isfinite(stiffness):
+        field = "radial_clearance_m" if tiny else "young_modulus_Pa"
+        came = f"{getattr(room, field):g}"
+        raise OverflowError(f"{field}: expected one whose stiffness is no overflow, got {came}")
+    law = ContactLaw(
+        stiffness,
+        exponent_of(room),
+        damping_factor_of(room),
+        room.damping_N_s_m or 0.0,
+        minimum_impact_speed_of(room),
+        room.may_pull,
+        room.law if room.law in NORMAL_LAWS else "dissipative",
+    )
     return ClearanceJoint(*ends, room.radial_clearance_m, room.bearing_radius_m, law, room.friction)
 
 
@@ -302,8 +297,7 @@ def contact_force(
             force = force + tangential * array([-n[1], n[0]])
         return (*force, twist_i, twist_j, normal, loss, clip, slide, tangential)
 
-    results = when(phase > FLIGHT, closed, len(OF_CONTACT))
-    x, y, twist_i, twist_j, normal, loss, clip, slide, tangential = results
+    x, y, twist_i, twist_j, normal, loss, clip, slide, tangential = when(phase > FLIGHT, closed, 9)
     rates = [normal, loss] + law.clipped * [clip] + (joint.friction is not None) * [slide]
     return pair(bearing, pin, array([x, y]), twist_i, twist_j), rates, tangential
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from reference_solver.mechanism.data import GROUND, Ends, Line, Spring
 from reference_solver.mechanism.motions import PiecewiseCubic
-from reference_solver.mechanism.points import MovingPoint, State, ends_of
+from reference_solver.mechanism.points import MovingPoint, State, ends_of, line_at
 from reference_solver.tape import Array, FloatArray, Scalar, array, sqrt
 
 #: Generalised forces (3,) by body.
@@ -115,8 +115,7 @@ def forces_of(load: Load, state: State) -> Forces:
     if isinstance(load, Torque):
         angle, speed = state.position(load.body)[2], state.velocity(load.body)[2]
         return {load.body: array([0.0, 0.0, _size(load.law, angle, speed, state)])}
-    (i, j), u = ends_of(load, state), state.direction(load.body_i, load.angle_rad)
-    d, across = j.place - i.place, array([-u[1], u[0]])
+    i, j, u, across, d = line_at(load, state)
     pull = _size(load.law, u @ d, u @ (j.rate - i.rate) + i.spin * (across @ d), state) * u
     forces = {load.body_j: pull @ j.jacobian}
     if load.body_i != GROUND:

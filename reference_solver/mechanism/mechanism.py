@@ -11,13 +11,7 @@ from reference_solver.mechanism.constraints import Constraint, Driver, Prescribe
 from reference_solver.mechanism.contacts import ClearanceJoint, joint_of
 from reference_solver.mechanism.data import Body, DriveData, MechanismData
 from reference_solver.mechanism.loads import ByAngle, ByTime, Force, Load, Torque
-from reference_solver.mechanism.motions import (
-    PiecewiseCubic,
-    curve_of,
-    going_on,
-    knots_s,
-    pieces_of,
-)
+from reference_solver.mechanism.motions import PiecewiseCubic, curve_of, going_on, knots_s, pieces_of
 from reference_solver.tape import Array, array
 
 #: The least mass of a body beside the heaviest one.
@@ -50,15 +44,11 @@ class Mechanism:
         """The loads that are no springs between two points."""
         return tuple(load for load in self.loads if not isinstance(load, data.Spring))
 
-    @property
-    def by_time(self) -> tuple[PiecewiseCubic, ...]:
-        """The functions of loads that go by the time."""
-        return tuple(load.law.table for load in self.forces if isinstance(load.law, ByTime))
-
     def knots_s(self, longest_step_s: float = 0.0) -> list[float]:
         """Return times, rising, for steps to land on: where motions and loads are not smooth, or quick."""
+        tables = [load.law.table for load in self.forces if isinstance(load.law, ByTime)]
         motions = {t for motion in self.prescribed for t in knots_s(motion, longest_step_s)}
-        return sorted(motions | {t for table in self.by_time for t in table.knots})
+        return sorted(motions | {t for table in tables for t in table.knots})
 
     @property
     def knots_by_angle(self) -> tuple[tuple[float, float, int], ...]:

@@ -46,4 +46,4 @@ def energy_residual_J(run: Solution) -> FloatArray:
     It is the energy gained, less the drivers' work, plus what the contacts have dissipated.
     """
     energy = kinetic_energy_J(run.mechanism, run.v) + potential_energy_J(run.mechanism, run.q)
-    return np.asarray(energy - energy[0] - run.constraint_work_J + run.losses_J())
+    return np.asarray(energy - energy[0] - run.sums["drivers"] + run.losses_J())
