@@ -42,7 +42,7 @@ def test_a_setting_that_changes_nothing_is_told_and_a_slider_that_stays_where_it
         (gain, ["baumgarte_alpha_s changes nothing with stabilisation = projection"]),
         (tolerance, ["step_tolerance changes nothing with method = rk4"]),
     ):
-        engine = make_engine("reference", **chosen)  # type: ignore[arg-type]
+        engine = make_engine("reference", **chosen)
         assert doubts(engine, short, engine.simulate(short, settings), settings) == lines
 
 

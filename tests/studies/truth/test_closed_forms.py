@@ -1,6 +1,7 @@
 """The truth of crank-sliders, pendulums and wheels against closed forms and published numbers."""
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,7 +79,12 @@ def loaded(name: str, load: str) -> Scene:
     push, damping, stiffness, peak = (
         (-300.0, 20.0, 5e3, 3e3) if name in PRESCRIBED else (-5.0, 1.0, 200.0, 10.0)
     )
-    parts = {"force_N": push, "viscous_N_s_m": damping, "spring_N_m": stiffness, "free_position_m": 0.1}
+    parts: dict[str, Any] = {
+        "force_N": push,
+        "viscous_N_s_m": damping,
+        "spring_N_m": stiffness,
+        "free_position_m": 0.1,
+    }
     loads = {
         "none": {},
         "all": {"slider": CrankLoad(**parts, gas=gas(peak))},
