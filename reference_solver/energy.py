@@ -113,18 +113,16 @@ class Guard:
 
     def _advice(self) -> str:
         """Return what may help a run that is off: springs without length, and flat positions, are named."""
-        springs = (x for x in self.run.mechanism.loads if isinstance(x, Spring) and x.free_length_m)
-        for spring in springs:
-            length = distance_m(spring, self.run.q)
-            if length.min() < NO_LENGTH * spring.free_length_m:
-                when = f"has next to no length near t = {self.run.time_s[length.argmin()]:.6g} s"
-                return f"spring {spring.name} {when}, where its force turns about: end the run before"
+        helps = "end the run before" if self.tolerance else "end the run before, or take a --tolerance"
+        for spring in self.run.mechanism.loads:
+            if isinstance(spring, Spring) and spring.free_length_m:
+                length = distance_m(spring, self.run.q)
+                if length.min() < NO_LENGTH * spring.free_length_m:
+                    when = f"has next to no length near t = {self.run.time_s[length.argmin()]:.6g} s"
+                    return f"spring {spring.name} {when}, where its force turns about: {helps}"
         if self.run.condition > FLAT:
-            flat = f"a step came close to a flat position (condition number {self.run.condition:.1e}): "
-            return flat + (
-                "end the run before it" if self.tolerance else "take a tolerance, --tolerance 1e-9"
-            )
-        return "sharpen the tolerance" if self.tolerance else "shorten the step, or take a tolerance"
+            return f"a step came close to a flat position (condition {self.run.condition:.1e}): {helps}"
+        return "sharpen the tolerance" if self.tolerance else "shorten the step, or take a --tolerance"
 
     def check_drift(self, equations: Equations, least: float) -> None:
         """Hold a run without projection to its constraints; ``least`` is its best condition at a sample.

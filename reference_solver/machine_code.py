@@ -178,7 +178,8 @@ class FunctionText:
 
 def parameters_text(parameters: Iterable[Node], places: Callable[[str], tuple[str, int]]) -> str:
     """Return the text of a function of this name that stores what known nodes are, by their inputs."""
-    results = [Value(tape := Tape(), node) for node in parameters]
+    tape = Tape()
+    results = [Value(tape, node) for node in parameters]
     return FunctionText("parameters", tape, [*results, 1.0], places, None).text
 
 
