@@ -9,9 +9,19 @@ import math
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown, unknown_key
@@ -20,28 +30,9 @@ from engine_models.scene.units import in_own_units
 from reference_solver.mechanism import data
 from reference_solver.mechanism.contacts import DAMPING_FACTORS, NORMAL_LAWS
 from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Interpolation
-from reference_solver.mechanism.motions import curve_of
 
 Value = TypeVar("Value")
 Kind = TypeVar("Kind", bound="SceneData")
-
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-#: Beyond 1e6 an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
-Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
-#: What a drive's clock may read at the start: later, its own spacing is more than 1e-12 s.
-Clock = Annotated[float, Field(ge=0, le=1e4)]
-#: Columns of a table; a list in a file.
-Numbers = Annotated[tuple[float, ...], Field(strict=False)]
-Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
-Pair = Annotated[tuple[float, float], Field(strict=False), expect("a list of two numbers")]
-#: A place in a body's own axes.
-Place = Annotated[float | Pair, expect("a finite number or a list of two")]
-LETTERS = "a name of letters, digits, _ and -, a letter first"
-#: The name of a body, a pin, a guide or a spring; and parts or numbers by such names.
-PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$"), expect(LETTERS)]
-Named = dict[PartName, Value]
-PRINTED = "a string that is not empty and begins with neither a blank nor =, +, - or @"
 
 TURN = 2 * math.pi
 #: A revolution in a table may be off by as much as five typed digits are, in rad; its forces by rounding.
@@ -64,6 +55,10 @@ if TYPE_CHECKING:
 else:
     ContactLaw = Literal[LAWS]
 FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
+#: What names may have to be, in the words of refusals.
+BASE, MOVING, TURNING, END = "ground or another body", "a body or a guide", "a body, or none", "a body.pin"
+JOINT = "a pin of two bodies, of two at one place where three meet"
+OBSERVED = "a pin's x or y, a body's angle or a guide's along"
 
 
 class SceneError(BadInput):
@@ -74,17 +69,11 @@ class SceneError(BadInput):
         super().__init__("; ".join(reasons))
 
 
-def refuse(field: str, expected: str, came: object) -> NoReturn:
-    """Raise a ValueError in the words of ``plain_words``."""
-    number = isinstance(came, int | float) and not isinstance(came, bool)
-    got = "nothing" if came is None else f"{came:g}" if number else shown(came)
-    raise ValueError(f"{field}: expected {expected}, got {got}")
-
-
 def require(holds: bool, field: str, expected: str, came: object) -> None:
-    """Refuse a field unless a condition on it holds."""
+    """Refuse a field, in the words of ``plain_words``, unless a condition on it holds."""
     if not holds:
-        refuse(field, expected, came)
+        got = f"{came:g}" if isinstance(came, float) else shown(came)
+        raise ValueError(f"{field}: expected {expected}, got {got}")
 
 
 def require_known(path: str, name: str, choices: Iterable[str], what: str) -> None:
@@ -94,6 +83,46 @@ def require_known(path: str, name: str, choices: Iterable[str], what: str) -> No
         raise ValueError(unknown(path, name, choices, f"{what} ({', '.join(choices) or 'none'})"))
 
 
+def known(what: str) -> Any:
+    """Return what in an annotation refuses names of nothing that a scene has; a part alone may have any."""
+
+    def check(name: str, info: ValidationInfo) -> str:
+        names = (info.context or {}).get(what, [name])
+        if name not in names:
+            words = f"{what} ({', '.join(filter(None, names)) or 'none'})"
+            raise PydanticCustomError("known", "{words}", {"words": words, "known": names})
+        return name
+
+    return AfterValidator(check)
+
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+#: Beyond 1e6 an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
+Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
+#: What a drive's clock may read at the start: later, its own spacing is more than 1e-12 s.
+Clock = Annotated[float, Field(ge=0, le=1e4)]
+#: Columns of a table; a list in a file.
+Numbers = Annotated[tuple[float, ...], Field(strict=False)]
+Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
+Pair = Annotated[tuple[float, float], Field(strict=False), expect("a list of two numbers")]
+#: A place in a body's own axes.
+Place = Annotated[float | Pair, expect("a finite number or a list of two")]
+#: The name of a body, a pin, a guide or a spring; and parts or numbers by such names.
+LETTERS = expect("a name of letters, digits, _ and -, a letter first")
+PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$"), LETTERS]
+Named = dict[PartName, Value]
+#: Names of what a scene has, see ``names_of``.
+BodyName = Annotated[PartName, known("a body")]
+GuideName = Annotated[PartName, known("a guide")]
+BaseName = Annotated[PartName, known(BASE)]
+MovingName = Annotated[PartName, known(MOVING)]
+JointName = Annotated[PartName, known(JOINT)]
+EndName = Annotated[str, known(END)]
+TurningName = Annotated[str, known(TURNING)]
+ObservedName = Annotated[str, known(OBSERVED)]
+
+
 class SceneData(BaseModel):
     """Base of all parts of a scene: immutable, strict about types, unknown keys and non-finite numbers."""
 
@@ -101,14 +130,14 @@ class SceneData(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _has_known_keys_and_own_units(cls, data: object) -> object:
+    def _has_known_keys_and_own_units(cls, data: object, info: ValidationInfo) -> object:
         if not isinstance(data, Mapping):
             return data
-        known = cls.model_fields
-        if cls.model_config["extra"] == "forbid" and data.keys() - known.keys():
-            missing = [name for name, field in known.items() if field.is_required() and name not in data]
-            reasons = [f"{name}: expected a value, got nothing" for name in missing]
-            raise SceneError(*reasons, *(unknown_key(key, known) for key in data if key not in known))
+        fields, others = cls.model_fields, cls.model_config["extra"] == "allow"  # which are bodies
+        known = [*fields, *((info.context or {}).get("a body", data) if others else ())]
+        if reasons := [unknown_key(key, known) for key in data if key not in known]:
+            missing = [name for name in fields if fields[name].is_required() and name not in data]
+            raise SceneError(*(f"{name}: expected a value, got nothing" for name in missing), *reasons)
         slopes = next((unit for column, unit in SLOPES.items() if data.get(column) is not None), "N m/s")
         exponent = data.get("exponent") or (1 if data.get("law") in LINEAR_LAWS else HERTZ_EXPONENT)
         return in_own_units(data, end_slopes=slopes, stiffness=f"N/m^{exponent}")
@@ -144,16 +173,14 @@ class SceneData(BaseModel):
 
     def require_if(self, needed: bool, name: str, when: str) -> None:
         """Refuse a field that is missing where it is needed, or there where it has no use."""
-        self.require(
-            (getattr(self, name) is not None) == needed, name, f"{'a value' if needed else 'nothing'} {when}"
-        )
+        expected = f"{'a value' if needed else 'nothing'} {when}"
+        self.require((getattr(self, name) is not None) == needed, name, expected)
 
 
 def _or_a_file(schema: dict[str, Any], kind: "type[Table]") -> None:
     """Let the JSON schema of a table have a file in place of lists."""
-    lists = [name for name in schema.get("required", ()) if name in kind.COLUMNS]
     schema["properties"]["file"] = {"type": "string", "description": "a CSV file in place of lists"}
-    if lists:
+    if lists := [name for name in schema.get("required", ()) if name in kind.COLUMNS]:
         schema["required"] = [name for name in schema["required"] if name not in lists]
         schema["oneOf"] = [{"required": lists}, {"required": ["file"]}]
 
@@ -167,6 +194,7 @@ class Table(SceneData):
     COLUMNS: ClassVar[tuple[str, ...]]
 
     interpolation: Interpolation = "spline"
+    end_slopes: Pair | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -175,36 +203,40 @@ class Table(SceneData):
             return data
         file, beside = data["file"], [name for name in cls.COLUMNS if name in data]
         require(not beside, "file", f"nothing beside {one_of(beside)}", file)
-        require(
-            isinstance(file, str) and file.isprintable() and file != "",
-            "file",
-            "the name of a CSV file",
-            file,
-        )
+        require(isinstance(file, str), "file", "the name of a CSV file", file)
         try:
             columns = read_columns((info.context or {}).get("folder", Path()) / file, cls.COLUMNS)
         except BadFile as reason:
             raise ValueError(f"file: {reason}") from None
         return {key: value for key, value in data.items() if key != "file"} | columns
 
-    def table(self, x_name: str, y_name: str, period: float = 0.0) -> data.Table:
-        """Return a column over another."""
-        ends = getattr(self, "end_slopes", None)
-        return data.Table(getattr(self, x_name), getattr(self, y_name), self.interpolation, ends, period)
-
-    def require_table(self, x_name: str, y_name: str) -> None:
+    @model_validator(mode="after")
+    def _is_a_table(self) -> "Table":
         """Refuse columns that are missing, too short, of other lengths, or do not rise; and bad slopes."""
-        for name in (x_name, y_name):
-            self.require_if(True, name, "for a table")
-        x, y, fewest = getattr(self, x_name), getattr(self, y_name), FEWEST_POINTS[self.interpolation]
+        x_name, *names = self.COLUMNS
+        x, columns = getattr(self, x_name), [name for name in names if isinstance(getattr(self, name), tuple)]
+        if x is None and not columns:  # numbers in place of a table
+            return self
+        self.require(x is not None, x_name, f"a value beside a list {one_of(columns)}")
+        self.require(
+            columns != [], names[0], f"a list, of it or {one_of(names[1:])}" if names[1:] else "a list"
+        )
+        fewest = FEWEST_POINTS[self.interpolation]
         require(len(x) >= fewest, x_name, f"at least {fewest} numbers", len(x))
-        require(len(y) == len(x), y_name, f"as many numbers as {x_name} has, {len(x)}", len(y))
+        for name in columns:
+            count = len(getattr(self, name))
+            require(count == len(x), name, f"as many numbers as {x_name} has, {len(x)}", count)
         for place, (before, after) in enumerate(pairwise(x), 1):
             rises = STEPS[0] < after - before < STEPS[1]
             require(rises, f"{x_name}.{place}", f"a number > {before:g}, the one before", after)
-        slopes = getattr(self, "end_slopes", None)
-        is_spline = slopes is None or self.interpolation == "spline"
-        require(is_spline, "end_slopes", "nothing with interpolation = 'linear'", slopes)
+        fit = self.end_slopes is None or (len(columns) == 1 and self.interpolation == "spline")
+        self.require(fit, "end_slopes", "nothing with interpolation = 'linear', or with two columns")
+        return self
+
+    def table(self, x_name: str, y_name: str, period: float = 0.0) -> data.Table:
+        """Return a column over another."""
+        x, y = getattr(self, x_name), getattr(self, y_name)
+        return data.Table(x, y, self.interpolation, self.end_slopes, period)
 
 
 # Bodies, guides, springs
@@ -232,18 +264,42 @@ class Guide(SceneData):
     against that, unless it ``turns``: then it is a pin in a slot.
     """
 
-    body: PartName
+    body: BodyName
     pin: PartName
-    on: PartName = "ground"
+    on: BaseName = "ground"
     through_m: Place = 0.0
     angle_rad: Angle = 0.0
     turns: bool = False
 
 
+def pins_of(ground: Ground, bodies: Mapping[str, Body]) -> dict[str, list[str]]:
+    """Return the names of what has each pin: the ground first, then bodies in the order of the file."""
+    places = {"ground": ground.pins_m} | {name: body.pins_m for name, body in bodies.items()}
+    pins = dict.fromkeys(pin for own in places.values() for pin in own)
+    return {pin: [name for name, own in places.items() if pin in own] for pin in pins}
+
+
+def names_of(ground: Ground, bodies: Mapping[str, Body], guides: Iterable[str]) -> dict[str, list[str]]:
+    """Return what a scene has names of, by the words that refuse others."""
+    pins = pins_of(ground, bodies)
+    observed = [f"{pin}.{axis}" for pin, parts in pins.items() if parts != ["ground"] for axis in "xy"]
+    observed += [f"{name}.angle" for name in bodies] + [f"{name}.along" for name in guides]
+    return {
+        "a body": [*bodies],
+        "a guide": [*guides],
+        BASE: ["ground", *bodies],
+        TURNING: ["", *bodies],
+        MOVING: [*bodies, *guides],
+        JOINT: [pin for pin, parts in pins.items() if len(parts) == 2],
+        END: [f"{part}.{pin}" for pin, parts in pins.items() for part in parts],
+        OBSERVED: observed,
+    }
+
+
 class Spring(SceneData):
     """A linear spring, and a damper, between two pins named ``body.pin``."""
 
-    between: Annotated[tuple[str, str], Field(strict=False)]
+    between: Annotated[tuple[EndName, EndName], Field(strict=False)]
     stiffness_N_m: Positive
     free_length_m: NonNegative
     damping_N_s_m: NonNegative = 0.0
@@ -303,29 +359,19 @@ class Clearance(SceneData):
         self.require(below, "radial_clearance_m", f"a number < bearing_radius_m = {radius:g}")
         self.require(self.stiffness is None or not rigid, "stiffness", f"nothing {when}")
         by_material = not rigid and self.stiffness is None
-        for name in ("young_modulus_Pa", "poisson_ratio"):
-            self.require_if(
-                by_material,
-                name,
-                when if rigid else "in place of stiffness" if by_material else "beside stiffness",
-            )
+        material = when if rigid else f"{'in place of' if by_material else 'beside'} stiffness"
+        self.require_if(by_material, "young_modulus_Pa", material)
+        self.require_if(by_material, "poisson_ratio", material)
         self.require_if(self.law in DAMPED_LAWS, "damping_N_s_m", when)
         self.require_if(dissipates or rigid, "restitution", when)
         if dissipates and self.restitution == 0:
             try:
                 DAMPING_FACTORS[self.law](0.0)
             except ZeroDivisionError:
-                refuse("restitution", f"a number > 0 {when}", 0.0)
+                self.require(False, "restitution", f"a number > 0 {when}")
         self.require(dissipates or not self.may_pull, "may_pull", f"false or nothing {when}")
         self.require(not is_linear or self.exponent in (None, 1.0), "exponent", f"1 or nothing {when}")
         return self
-
-    def data(self) -> data.ClearanceData:
-        """Return the clearance as data of the mechanism."""
-        friction = (
-            None if self.friction is None else data.FrictionLaw(**self.friction.model_dump(exclude_none=True))
-        )
-        return data.ClearanceData(**self.model_dump(exclude={"friction", "bearing"}), friction=friction)
 
 
 # Loads
@@ -347,17 +393,15 @@ class Cylinder(Table):
 
     @model_validator(mode="after")
     def _repeats(self) -> "Cylinder":
-        self.require_table(name := self.COLUMNS[0], "force_N")
-        angle, force, end = self.by_angle.x, self.force_N, self.by_angle.x[0] + self.by_angle.period
-        is_period, last = abs(angle[-1] - end) <= REVOLUTION_RAD, len(angle) - 1
-        expected = (
-            f"one revolution or two after the first, {angle[0] + TURN:.6g} or {angle[0] + 2 * TURN:.6g}"
-        )
-        require(is_period, f"{name}.{last}", expected, angle[-1])
-        expected = f"a number < {end:.6g}, where the table repeats"
-        require(angle[-2] < end, f"{name}.{last - 1}", expected, angle[-2])
+        name, angle, force = self.COLUMNS[0], self.by_angle.x, self.force_N
+        last, end = len(angle) - 1, angle[0] + self.by_angle.period
+        turns = f"one revolution or two after the first, {angle[0] + TURN:.6g} or {angle[0] + 2 * TURN:.6g}"
+        require(abs(angle[-1] - end) <= REVOLUTION_RAD, f"{name}.{last}", turns, angle[-1])
+        within = f"a number < {end:.6g}, where the table repeats"
+        require(angle[-2] < end, f"{name}.{last - 1}", within, angle[-2])
         closes = abs(force[-1] - force[0]) <= CLOSES * max(map(abs, force))
         require(closes, f"force_N.{last}", f"the first one again, {force[0]:g}", force[-1])
+        self.require(self.end_slopes is None, "end_slopes", "nothing in a table that repeats")
         return self
 
 
@@ -367,7 +411,7 @@ class Gas(Cylinder):
     COLUMNS = ("angle_rad", "force_N")
 
     angle_rad: Angles
-    body: PartName | None = None
+    body: BodyName | None = None
 
 
 class ByTime(Table):
@@ -378,17 +422,6 @@ class ByTime(Table):
     time_s: Numbers
     force_N: Numbers | None = None
     torque_N_m: Numbers | None = None
-    end_slopes: Pair | None = None
-
-    @model_validator(mode="after")
-    def _is_a_table(self) -> "ByTime":
-        columns = [name for name in ("force_N", "torque_N_m") if getattr(self, name) is not None]
-        self.require(columns != [], "force_N", "it or torque_N_m")
-        for name in columns:
-            self.require_table("time_s", name)
-        one = self.end_slopes is None or len(columns) == 1
-        self.require(one, "end_slopes", "nothing beside both force_N and torque_N_m")
-        return self
 
 
 class Load(SceneData):
@@ -413,6 +446,13 @@ class Load(SceneData):
     along_rad: Angle | None = None
     gas: Gas | None = None
 
+    @property
+    def has_forces(self) -> bool:
+        """Whether anything acts along a line."""
+        by_time = self.by_time and self.by_time.force_N
+        parts = (self.force_N, self.viscous_N_s_m, self.spring_N_m, self.gas, by_time)
+        return any(part is not None for part in parts)
+
     @model_validator(mode="after")
     def _is_some(self) -> "Load":
         torques = (self.by_time, self.torque_N_m, self.viscous_N_m_s)
@@ -421,13 +461,6 @@ class Load(SceneData):
         sprung = self.spring_N_m is not None
         self.require_if(sprung, "free_position_m", f"{'beside' if sprung else 'without'} spring_N_m")
         return self
-
-    @property
-    def has_forces(self) -> bool:
-        """Whether anything acts along a line."""
-        by_time = None if self.by_time is None else self.by_time.force_N
-        parts = (self.force_N, self.viscous_N_s_m, self.spring_N_m, self.gas, by_time)
-        return any(part is not None for part in parts)
 
 
 # What drives a mechanism. A driver that prescribes the motion keeps it whatever it takes. Prescribed speeds
@@ -442,8 +475,8 @@ class AnyDrive(SceneData):
     FITTING: ClassVar[tuple[str, ...]] = ()
 
     kind: str
-    body: PartName | None = None
-    guide: PartName | None = None
+    body: BodyName | None = None
+    guide: GuideName | None = None
 
     @model_validator(mode="after")
     def _drives_one_thing(self) -> "AnyDrive":
@@ -517,23 +550,20 @@ class TableDrive(AnyDrive, Table):
     time_s: Numbers
     angle_rad: Angles | None = None
     position_m: Numbers | None = None
-    end_slopes: Pair | None = None
-
-    @model_validator(mode="after")
-    def _moves_evenly(self) -> "TableDrive":
-        """Refuse what is no table, and straight lines between which the speed jumps."""
-        self.require_table("time_s", self.fitting)
-        speeds = curve_of(self.course).c[2].tolist() if self.interpolation == "linear" else []
-        for place, (before, after) in enumerate(pairwise(speeds), 1):
-            jump = f"at time_s.{place} the speed would jump from {before:.4g} to {after:.4g}"
-            same = abs(after - before) <= SAME_SPEED * max(map(abs, speeds))
-            self.require(same, "interpolation", f"'spline' ({jump}, by an infinite force)")
-        return self
 
     @property
     def course(self) -> data.Table:
         """The angle in rad, or the position in m, over the drive's clock in s."""
         return self.table("time_s", self.fitting)
+
+    @model_validator(mode="after")
+    def _moves_evenly(self) -> "TableDrive":
+        speeds = np.diff(self.course.y) / np.diff(self.time_s)
+        even = self.interpolation == "spline" or np.ptp(speeds) <= SAME_SPEED * abs(speeds).max()
+        self.require(
+            bool(even), "interpolation", "'spline' (else the speed would jump, by an infinite force)"
+        )
+        return self
 
 
 class TorqueDrive(AnyDrive, Table):
@@ -544,15 +574,6 @@ class TorqueDrive(AnyDrive, Table):
     kind: Literal["torque"]
     torque_N_m: float | Numbers
     time_s: Numbers | None = None
-    end_slopes: Pair | None = None
-
-    @model_validator(mode="after")
-    def _is_a_torque(self) -> "TorqueDrive":
-        by_table = isinstance(self.torque_N_m, tuple)
-        self.require_if(by_table, "time_s", f"{'beside' if by_table else 'without'} a list torque_N_m")
-        if by_table:
-            self.require_table(*self.COLUMNS)
-        return self
 
 
 class MotorDrive(AnyDrive, Table):
@@ -569,15 +590,12 @@ class MotorDrive(AnyDrive, Table):
     no_load_speed_rad_s: float | None = None
     speed_rad_s: Numbers | None = None
     torque_N_m: Numbers | None = None
-    end_slopes: Pair | None = None
 
     @model_validator(mode="after")
     def _drives(self) -> "MotorDrive":
-        by_table = self.speed_rad_s is not None or self.torque_N_m is not None
+        by_table = self.speed_rad_s is not None
         for name in ("stall_torque_N_m", "no_load_speed_rad_s"):
             self.require_if(not by_table, name, f"{'beside' if by_table else 'without'} a table")
-        if by_table:
-            self.require_table(*self.COLUMNS)
         stall, speed = self.stall_torque_N_m, self.no_load_speed_rad_s
         self.require(stall != 0, "stall_torque_N_m", "a number other than 0")
         same = by_table or math.copysign(1.0, stall or 0.0) * (speed or 0.0) > 0
@@ -616,11 +634,11 @@ class PlacedStart(SceneData):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, BodyState] = Field(init=False)
 
-    angle_rad: Named[Angle] = {}
-    position_m: Named[float] = {}
-    hold: Annotated[tuple[PartName, ...], Field(strict=False)] = ()
-    speed_rad_s: Named[float] = {}
-    speed_m_s: Named[float] = {}
+    angle_rad: dict[BodyName, Angle] = {}
+    position_m: dict[GuideName, float] = {}
+    hold: Annotated[tuple[MovingName, ...], Field(strict=False)] = ()
+    speed_rad_s: dict[BodyName, float] = {}
+    speed_m_s: dict[GuideName, float] = {}
     time_s: Clock = 0.0
 
     @property
@@ -636,55 +654,16 @@ class Top(SceneData):
     1e-100 s nothing happens, and steps are lost below the least numbers there are.
     """
 
-    name: Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect(PRINTED)]
+    name: Annotated[
+        str,
+        Field(pattern=r"^[^\s=+\-@＝＋－＠]"),
+        expect("a string that is not empty and begins with neither a blank nor =, +, - or @"),
+    ]
     end_time_s: Annotated[float, Field(gt=0, ge=1e-100)]
     gravity_m_s2: Annotated[NonNegative | Pair, expect("a finite number >= 0 or a list of two")] = 0.0
-
-
-class Sections(Top):
-    """Any planar mechanism in motion: bodies that share pins, guides, springs, loads, a drive.
-
-    ``observe`` is what the scene is about: a pin's x or y, a body's angle, or the way along a guide, as
-    "B.x", "B.y", "body.angle" or "guide.along". ``turning`` is the body whose turns are revolutions, "" for
-    none; it is the driven one unless it is named.
-    """
-
-    observe: str
-    turning: str | None = None
-    ground: Ground = Ground(pins_m={})
-    body: Annotated[Named[Body], Field(min_length=1)]
-    guide: Named[Guide] = {}
-    spring: Named[Spring] = {}
-    load: Named[Load] = {}
-    drive: Drive = FreeDrive(kind="free")
-    clearance: Named[Clearance] = {}
-    start: PlacedStart = PlacedStart()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _has_parts_of_its_own(cls, data: object) -> object:
-        """Refuse parts that no engine runs yet, and what is neither a key of the start nor a body."""
-        if not isinstance(data, Mapping):
-            return data
-        names = {part: [*data[part]] for part in data if isinstance(data[part], Mapping)}
-        later = [(part, name) for part in ("film", "friction") for name in names.get(part, ())]
-        later += [
-            ("clearance", name) for name in names.get("clearance", ()) if name in names.get("guide", ())
-        ]
-        for part, name in later:
-            refuse(f"{part}.{name}", "nothing yet, which no engine runs so far", data[part][name])
-        known = [*PlacedStart.model_fields, *names.get("body", ())]
-        for name in names.get("start", ()):
-            require_known(f"start.{name}", name, known, "a key of start or a body")
-        return data
 
     @property
     def gravity(self) -> tuple[float, float]:
         """Gravity as an acceleration (x, y) in m/s^2."""
         own = self.gravity_m_s2
         return own if isinstance(own, tuple) else (0.0, -own)
-
-    @property
-    def driven(self) -> str:
-        """The name of the driven body, or guide."""
-        return self.drive.guide or self.drive.body or next(iter(self.body))

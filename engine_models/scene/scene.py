@@ -6,20 +6,23 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import tomli_w
-from pydantic import PrivateAttr, ValidationInfo, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
+from engine_models.scene import format as form
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.checks import check_parts
-from engine_models.scene.format import Clearance, SceneError, Sections
-from engine_models.scene.mechanism import markers_of, mechanism_data, number_of, pins_of, point_of
-from engine_models.scene.plain_words import expect
+from engine_models.scene.format import Named, Place, SceneError
+from engine_models.scene.mechanism import mechanism_data
+from engine_models.scene.plain_words import expect, one_of, shown
 from engine_models.scene.short import OF_GENERAL, CrankSlider, Link, Slider, in_short
 from engine_models.scene.start import Placed, placed
 from reference_solver.mechanism import data
-from reference_solver.mechanism.data import Point
+from reference_solver.mechanism.data import GROUND, Point
 
 #: The path of a field, or values by their paths.
 Fields = Annotated[str | Mapping[str, object], expect("a string or a mapping of names to values")]
+#: Parts of the format that no engine runs so far.
+Later = Named[Annotated[None, expect("nothing yet, which no engine runs so far")]]
 
 
 class Observed(NamedTuple):
@@ -40,17 +43,47 @@ class Observed(NamedTuple):
         return "rad" if self.what == "angle" else "m"
 
 
-class Scene(Sections):
-    """A scene whose sections fit together, put together at its start; see ``Sections``."""
+class Scene(form.Top):
+    """Any planar mechanism in motion: bodies that share pins, guides, springs, loads, a drive.
+
+    ``observe`` is what the scene is about: a pin's x or y, a body's angle, or the way along a guide, as
+    "B.x", "B.y", "body.angle" or "guide.along". ``turning`` is the body whose turns are revolutions, "" for
+    none; it is the driven one unless it is named. The parts fit together, and are put together at the start.
+    """
+
+    model_config = ConfigDict(validate_default=True)
+
+    ground: form.Ground = form.Ground(pins_m={})
+    body: Annotated[Named[form.Body], Field(min_length=1)]
+    guide: Named[form.Guide] = Field({})
+    observe: form.ObservedName
+    turning: form.TurningName | None = None
+    spring: Named[form.Spring] = Field({})
+    load: dict[form.BodyName, form.Load] = Field({})
+    drive: form.Drive = form.FreeDrive(kind="free")
+    clearance: dict[form.JointName, form.Clearance] = Field({})
+    start: form.PlacedStart = form.PlacedStart()
+    film: Later = Field({})
+    friction: Later = Field({})
 
     _short: CrankSlider | None = PrivateAttr(None)
     _placed: Placed = PrivateAttr()
+
+    @field_validator("body", "guide")
+    @classmethod
+    def _names_are_known_to_later_parts(cls, part: Any, info: ValidationInfo) -> Any:
+        own, taken = info.data | {info.field_name: part}, ["ground", *form.PlacedStart.model_fields]
+        for name in own.get("body", ()):
+            form.require(name not in taken, name, f"a name other than {one_of(taken)}", name)
+        if info.context is not None and {"ground", "body"} <= own.keys():
+            info.context.update(form.names_of(own["ground"], own["body"], own.get("guide", {})))
+        return part
 
     @model_validator(mode="after")
     def _hangs_together(self, info: ValidationInfo) -> "Scene":
         self._short = (info.context or {}).get("short")
         check_parts(self)
-        self._placed = placed(self, self.mechanism, self._short)
+        self._placed = placed(self, self._short)
         return self
 
     @classmethod
@@ -60,7 +93,11 @@ class Scene(Sections):
         Raises:
             SceneError: it is none.
         """
-        if "crank" not in data and data.keys() & {*OF_GENERAL}:
+        general = [name for name in OF_GENERAL if name in data]
+        if general and "crank" in data:
+            came = shown(data[general[0]])
+            raise SceneError(f"{general[0]}: expected nothing beside crank (the short form), got {came}")
+        if general:
             return super().checked(data, folder)
         short = CrankSlider.checked(data, folder)
         try:
@@ -110,16 +147,44 @@ class Scene(Sections):
     @property
     def short(self) -> CrankSlider:
         """The scene in the short spelling, in which it has to be written."""
-        assert self._short is not None, (
-            f"scene {self.name}: another mechanism than a crank-slider or a pendulum"
-        )
+        assert self._short is not None, f"scene {self.name}: neither a crank-slider nor a pendulum"
         return self._short
 
     def crank_slider(self) -> tuple[Link, Link, Slider]:
         """Return crank, rod and slider of a scene that is written as a crank-slider."""
-        assert self.short.rod is not None
-        assert self.short.slider is not None
-        return self.short.crank, self.short.rod, self.short.slider
+        rod, slider = self.short.rod, self.short.slider
+        assert rod is not None
+        assert slider is not None
+        return self.short.crank, rod, slider
+
+    def number(self, name: str) -> int:
+        """Return the number of a body, or of the ground."""
+        return GROUND if name == "ground" else [*self.body].index(name)
+
+    def point(self, name: str, place: str | Place) -> Point:
+        """Return a pin or a place of a body from its centre of mass, or of the ground from the origin."""
+        centre: Place = 0.0 if name == "ground" else self.body[name].centre_of_mass_m
+        if isinstance(place, str):
+            place = (self.ground if name == "ground" else self.body[name]).pins_m[place]
+        (x, y), (x0, y0) = (each if isinstance(each, tuple) else (each, 0.0) for each in (place, centre))
+        return x - x0, y - y0
+
+    @cached_property
+    def pins(self) -> dict[str, list[str]]:
+        """The names of what has each pin: the ground first, then bodies in the order of the file."""
+        return form.pins_of(self.ground, self.body)
+
+    @property
+    def lone_pins(self) -> dict[str, str]:
+        """The pins of no joint, guide or spring, with what has each."""
+        used = {guide.pin for guide in self.guide.values()}
+        used |= {end.partition(".")[2] for spring in self.spring.values() for end in spring.between}
+        return {pin: names[0] for pin, names in self.pins.items() if len(names) == 1 and pin not in used}
+
+    @property
+    def markers(self) -> dict[str, tuple[int, Point]]:
+        """The pins of no joint, guide or spring, by their names: the body of each, and its point there."""
+        return {pin: (self.number(name), self.point(name, pin)) for pin, name in self.lone_pins.items()}
 
     @cached_property
     def mechanism(self) -> data.MechanismData:
@@ -135,20 +200,19 @@ class Scene(Sections):
     def observed(self) -> Observed:
         """What the scene is about."""
         name, _, axis = self.observe.rpartition(".")
+        what: Any = axis
         if axis == "angle":
-            return Observed(self.observe, "angle", number_of(self, name))
+            return Observed(self.observe, what, self.number(name))
         if axis == "along":
             guide = self.mechanism.guides[[*self.guide].index(name)]
-            return Observed(self.observe, "along", guide.body_j, guide.point_j, guide)
-        last = pins_of(self)[name][-1]
-        what: Literal["x", "y"] = "x" if axis == "x" else "y"
-        return Observed(self.observe, what, number_of(self, last), point_of(self, last, name))
+            return Observed(self.observe, what, guide.body_j, guide.point_j, guide)
+        last = self.pins[name][-1]
+        return Observed(self.observe, what, self.number(last), self.point(last, name))
 
     @property
-    def markers(self) -> dict[str, tuple[int, Point]]:
-        """The pins of no joint, guide or spring, by their names: the body of each, and its point there."""
-        markers = markers_of(self).items()
-        return {pin: (number_of(self, body), point_of(self, body, pin)) for pin, body in markers}
+    def driven(self) -> str:
+        """The name of the driven body, or guide."""
+        return self.drive.guide or self.drive.body or next(iter(self.body))
 
     @property
     def turning_body(self) -> int | None:
@@ -157,10 +221,11 @@ class Scene(Sections):
         It is that of ``turning``; without it the driven one, or the first, where the ground has its pin.
         """
         if self.turning is not None:
-            return number_of(self, self.turning) if self.turning else None
-        body = self.drive.body or next(iter(self.body))
-        is_pinned = self.ground.pins_m.keys() & self.body[body].pins_m.keys()
-        return number_of(self, body) if is_pinned and self.drive.guide is None else None
+            return self.number(self.turning) if self.turning else None
+        is_pinned = (
+            self.drive.guide is None and self.ground.pins_m.keys() & self.body[self.driven].pins_m.keys()
+        )
+        return self.number(self.driven) if is_pinned else None
 
     @property
     def speed_is_prescribed(self) -> bool:
@@ -173,7 +238,7 @@ class Scene(Sections):
         return tuple(pin.name for pin in self.mechanism.pins)
 
     @property
-    def clearances(self) -> dict[str, Clearance]:
+    def clearances(self) -> dict[str, form.Clearance]:
         """The clearances of the joints that have one, by the joints' names, in their order."""
         return {name: self.clearance[name] for name in self.joints if name in self.clearance}
 

@@ -4,14 +4,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from engine_models.scene.format import Sections, TableDrive, require
+from engine_models.scene.format import TableDrive, require
 from engine_models.scene.mechanism import state_of
 from engine_models.scene.short import CrankSlider
-from reference_solver.mechanism.data import DriveData, MechanismData, Motion
-from reference_solver.mechanism.motions import curve_of
+from reference_solver.mechanism.data import Motion
+from reference_solver.mechanism.loads import distance_m
+from reference_solver.mechanism.motions import curve_of, going_on, moved
 from reference_solver.tape import FloatArray
 
 if TYPE_CHECKING:
+    from engine_models.scene.scene import Scene
     from reference_solver.mechanism import assembly
 
 #: What moves by less has not moved.
@@ -29,7 +31,7 @@ class Placed(NamedTuple):
     moved: str | None = None
 
 
-def placed(scene: Sections, of: MechanismData, short: CrankSlider | None) -> Placed:
+def placed(scene: "Scene", short: CrankSlider | None) -> Placed:
     """Return the start of a scene whose parts fit each other, and that may be spelt short.
 
     Raises:
@@ -37,37 +39,37 @@ def placed(scene: Sections, of: MechanismData, short: CrankSlider | None) -> Pla
     """
     from reference_solver.mechanism.assembly import NotAssembled, assemble, require_closed  # most do without
 
-    moved, speeds, along = None, *_speeds(scene, of.drive)
+    of, words, told = scene.mechanism, None, _told(scene)
     try:
         if scene.start.states:
             q, v = state_of(scene)
-            _check_springs(of, q)
+            _check_springs(scene, q)
             require_closed(of, q, v)
-        elif short is not None and short.guide == (0.0, 0.0) and not along:
-            q, v = assembled(short, short.start.crank_angle_rad, speeds.get(0, 0.0))
+        elif short is not None and short.guide == (0.0, 0.0) and not told.speed_m_s:
+            q, v = assembled(short, short.start.crank_angle_rad, told.speed_rad_s.get(0, 0.0))
         else:
-            found = assemble(of, _told(scene, speeds, along))
+            found = assemble(of, told)
             what = "guide" if scene.drive.guide else "body"
             moves = scene.drive.kind == "free" or found.drive_moves
             require(moves, f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
-            q, v, moved = found.q, found.v, _moved(scene, found)
+            q, v, words = found.q, found.v, _moved(scene, found)
     except NotAssembled as reason:
-        raise ValueError(_refused(scene, of, str(reason))) from None
-    _check_springs(of, q.ravel())
-    return Placed(tuple(q.ravel().tolist()), tuple(v.ravel().tolist()), moved)
+        raise ValueError(_refused(scene, str(reason))) from None
+    _check_springs(scene, q.ravel())
+    return Placed(tuple(q.ravel().tolist()), tuple(v.ravel().tolist()), words)
 
 
-def assembled(own: CrankSlider, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:
+def assembled(short: CrankSlider, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities, each (3, 3), of a crank-slider whose guide is on the x axis.
 
     They are those of crank, rod and slider by (x, y, phi) of the centre of mass, at a crank angle and speed;
     of a pendulum (1, 3). The rod is on the side of its acute angle: the slider lies to the right of pin A.
     """
-    crank, theta, omega = own.crank, angle_rad, speed_rad_s
-    state = np.zeros((2, 1 if own.rod is None else 3, 3))
+    crank, theta, omega = short.crank, angle_rad, speed_rad_s
+    state = np.zeros((2, 1 if short.rod is None else 3, 3))
     state[:, 0, :2] = along_axis(crank.centre_of_mass_m, theta, omega)
     state[:, 0, 2] = theta, omega
-    if (rod := own.rod) is not None:
+    if (rod := short.rod) is not None:
         r, length = crank.length_m, rod.length_m
         phi = np.arcsin(-r / length * np.sin(theta))
         phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
@@ -86,77 +88,70 @@ def along_axis(distance_m: float, angle_rad: float, rate_rad_s: float) -> FloatA
     )
 
 
-def _check_springs(of: MechanismData, q: FloatArray) -> None:
+def _check_springs(scene: "Scene", q: FloatArray) -> None:
     """Refuse a spring whose ends are at one place, so that its force has no direction."""
-    from reference_solver.mechanism.assembly import place_of
-
-    for spring in of.springs:
-        i, j = place_of(q, spring.body_i, spring.point_i), place_of(q, spring.body_j, spring.point_j)
+    for spring in scene.mechanism.springs:
         has_length = spring.free_length_m > 0 or spring.damping_N_s_m > 0
-        apart = not has_length or np.hypot(*(j - i)) > ROUND_OFF * spring.free_length_m
+        apart = not has_length or distance_m(spring, q[None])[0] > ROUND_OFF * spring.free_length_m
         expected = "ends that are apart at the start (else its force has no direction)"
         require(bool(apart), f"spring.{spring.name}.between", expected, "both at one place")
 
 
-def _refused(scene: Sections, of: MechanismData, reason: str) -> str:
+def _refused(scene: "Scene", reason: str) -> str:
     """Return why there is no such start, with the entry that tells what does not hold."""
     start, expected = scene.start, reason.partition(", got")[0]
     if "speeds" not in expected or start.states:
         return f"start.hold: {reason}" if "held" in expected and start.hold else f"start: {reason}"
-    drives = of.drive.prescribes and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
+    drives = scene.speed_is_prescribed and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
     also = f" (that of {scene.driven}, by the drive, among them)" if drives else ""
     key = "speed_m_s" if start.speed_m_s and not start.speed_rad_s else "speed_rad_s"
     return f"start.{key}: {reason}{also}"
 
 
-def _moved(scene: Sections, found: "assembly.Assembled") -> str:
+def _moved(scene: "Scene", found: "assembly.Assembled") -> str:
     """Return in words which bodies the assembly has turned and what it has moved along guides the most."""
-    parts, told = [], [name in scene.start.position_m for name in scene.guide]
-    for names, values, verb, unit in (
-        ([*scene.body], found.turned_rad, "turned", "rad"),
-        ([*scene.guide], found.moved_m * told, "moved along", "m"),
-    ):
-        most = int(abs(values).argmax()) if len(values) else 0
-        if len(values) and abs(values[most]) > ROUND_OFF:
-            parts.append(f"{names[most]} {verb} by {abs(values[most]):.3g} {unit}")
+    told = [name in scene.start.position_m for name in scene.guide]
+    turned = dict(zip(scene.body, found.turned_rad, strict=True))
+    slid = dict(zip(scene.guide, found.moved_m * told, strict=True))
+    parts = []
+    for moves, verb, unit in ((turned, "turned", "rad"), (slid, "moved along", "m")):
+        name = max(moves, key=lambda name: abs(moves[name]), default="")
+        if name and abs(moves[name]) > ROUND_OFF:
+            parts.append(f"{name} {verb} by {abs(moves[name]):.3g} {unit}")
     return ", ".join(parts) or "nothing moved"
 
 
-def _speeds(scene: Sections, drive: DriveData) -> tuple[dict[int, float], dict[int, float]]:
-    """Return the speeds at the start by the numbers of bodies and of guides: those told, and the drive's."""
-    start = scene.start
-    speeds = {[*scene.body].index(name): speed for name, speed in start.speed_rad_s.items()}
-    along = {[*scene.guide].index(name): speed for name, speed in start.speed_m_s.items()}
-    if drive.prescribes:
+def _told(scene: "Scene") -> "assembly.Told":
+    """Return what the file tells of the start, by numbers, with the speed of what is driven."""
+    from reference_solver.mechanism.assembly import Told
+
+    start, drive, held = scene.start, scene.mechanism.drive, held_at_start(scene)
+    bodies = {name: number for number, name in enumerate(scene.body)}
+    guides = {name: number for number, name in enumerate(scene.guide)}
+    speeds = {bodies[name]: speed for name, speed in start.speed_rad_s.items()}
+    along = {guides[name]: speed for name, speed in start.speed_m_s.items()}
+    if isinstance(drive.law, Motion):
         driven, number = (speeds, drive.body) if drive.guide is None else (along, drive.guide)
-        own = _speed_of(drive)
+        speed = float(moved(going_on(drive.law, drive.clock_s), 0.0)[1])
         if isinstance(scene.drive, TableDrive) and number in driven:
             rates = curve_of(scene.drive.course).derivative()(scene.drive.time_s)
             key = "speed_rad_s" if drive.guide is None else "speed_m_s"
-            expected = f"the speed of the drive's table when the scene begins, {own:.4g}"
-            alike = abs(driven[number] - own) <= ALIKE * max(map(abs, rates))
+            expected = f"the speed of the drive's table when the scene begins, {speed:.4g}"
+            alike = abs(driven[number] - speed) <= ALIKE * max(map(abs, rates))
             require(alike, f"start.{key}.{scene.driven}", expected, driven[number])
-        if own or speeds or along:
-            driven[number] = own
-    return speeds, along
-
-
-def _told(scene: Sections, speeds: dict[int, float], along: dict[int, float]) -> "assembly.Told":
-    """Return what the file tells of the start, by numbers."""
-    from reference_solver.mechanism.assembly import Told
-
-    bodies, guides, held = [*scene.body], [*scene.guide], held_at_start(scene)
+        if speed or speeds or along:
+            driven[number] = speed
     return Told(
-        {bodies.index(name): angle for name, angle in scene.start.angle_rad.items()},
-        {guides.index(name): way for name, way in scene.start.position_m.items()},
-        tuple(bodies.index(name) for name in held if name in bodies),
-        tuple(guides.index(name) for name in held if name in guides),
+        {bodies[name]: angle for name, angle in start.angle_rad.items()},
+        {guides[name]: way for name, way in start.position_m.items()},
+        tuple(bodies[name] for name in held if name in bodies),
+        tuple(guides[name] for name in held if name in guides),
         speeds,
         along,
     )
 
 
-def held_at_start(scene: Sections) -> tuple[str, ...]:
+def held_at_start(scene: "Scene") -> tuple[str, ...]:
     """Return the bodies and guides whose values are held.
 
     Unless ``hold`` names them, it is what is driven, else the first body or guide told.
@@ -165,11 +160,3 @@ def held_at_start(scene: Sections) -> tuple[str, ...]:
         return scene.start.hold or (scene.driven,)
     told = [name for name in scene.body if name in scene.start.angle_rad]
     return (*told, *scene.start.position_m)[:1]
-
-
-def _speed_of(drive: DriveData) -> float:
-    """Return the speed that a drive prescribes as a run begins, in rad/s or m/s."""
-    from reference_solver.mechanism.motions import going_on, moved
-
-    assert isinstance(drive.law, Motion)
-    return float(moved(going_on(drive.law, drive.clock_s), 0.0)[1])
