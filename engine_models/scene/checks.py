@@ -1,10 +1,11 @@
 """What in a scene does not fit together: names that are taken, parts at odds, short tables."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from engine_models.scene.format import TableDrive, TorqueDrive, require, require_known
+from engine_models.scene.format import require, require_known
 from engine_models.scene.plain_words import one_of
+from reference_solver.mechanism.data import GROUND
 
 if TYPE_CHECKING:
     from engine_models.scene.scene import Scene
@@ -15,14 +16,30 @@ ROUND_OFF = 1e-12
 
 def check_parts(scene: "Scene") -> None:
     """Raise ValueError, with the entry and what was expected, where parts do not fit each other."""
-    _check_names(scene)
-    _check_clearances(scene)
+    _check_joints(scene)
     _check_drive(scene)
-    _check_loads(scene)
-    _check_start(scene)
+    for name, load in scene.load.items():
+        path, guides = f"load.{name}", [it for it, part in scene.guide.items() if part.body == name]
+        if load.guide is not None:
+            require_known(f"{path}.guide", load.guide, guides, f"a guide of {name}")
+        one = load.guide is not None or len(guides) < 2 or not load.has_forces
+        require(one, f"{path}.guide", one_of(guides), None)
+        fits = (load.along_rad is not None) == (load.has_forces and not guides)
+        told = "a number for a force without a guide, and only there"
+        require(fits, f"{path}.along_rad", told, load.along_rad)
+        driven = load.gas is None or load.gas.body or scene.drive.body
+        require(driven is not None, f"{path}.gas.body", "a body, or drive.body", None)
+    start, both = scene.start, scene.body.keys() & scene.guide.keys()
+    for place, name in enumerate(start.hold):
+        require(name not in both, f"start.hold.{place}", "a name that is of a body or of a guide", name)
+    for name in scene.body if start.states else ():
+        require(name in start.states, f"start.{name}", "the state of every body or of none", None)
+    for key in ("angle_rad", "position_m", "hold") if start.states else ():
+        came = getattr(start, key)
+        require(not came, f"start.{key}", "nothing beside the state of every body", came)
 
 
-def _check_names(scene: "Scene") -> None:
+def _check_joints(scene: "Scene") -> None:
     for name, guide in scene.guide.items():
         require(name not in scene.pins, f"guide.{name}", "a name that no pin has", name)
         require_known(f"guide.{name}.pin", guide.pin, scene.body[guide.body].pins_m, f"a pin of {guide.body}")
@@ -30,12 +47,9 @@ def _check_names(scene: "Scene") -> None:
     for name, spring in scene.spring.items():
         first, second = (end.partition(".")[0] for end in spring.between)
         require(first != second, f"spring.{name}.between", "pins of two bodies", spring.between)
-    for pin, body in scene.lone_pins.items():
+    for pin, (number, _) in scene.markers.items():
         expected = f"a pin that a body has too ({', '.join(name for name in scene.pins if name != pin)})"
-        require(body != "ground", f"ground.pins_m.{pin}", expected, pin)
-
-
-def _check_clearances(scene: "Scene") -> None:
+        require(number != GROUND, f"ground.pins_m.{pin}", expected, pin)
     places = [[(0.0, 0.0), *(scene.point(name, pin) for pin in it.pins_m)] for name, it in scene.body.items()]
     longest = max(math.dist(a, b) for points in places for a in points for b in points)
     for name, room in scene.clearance.items():
@@ -51,38 +65,10 @@ def _check_drive(scene: "Scene") -> None:
     on_ground = {guide.body for guide in scene.guide.values() if guide.on == "ground" and not guide.turns}
     turns = scene.drive.kind == "free" or scene.driven not in on_ground
     require(turns, "drive.body", "a body that can turn, which no guide of the ground holds", scene.driven)
-    tables: dict[str, Any] = {f"load.{name}.by_time": load.by_time for name, load in scene.load.items()}
-    tables["drive"] = scene.drive if isinstance(scene.drive, TableDrive | TorqueDrive) else None
-    for path, table in tables.items():
-        if table is not None and (time := table.time_s) is not None:
+    times = {f"load.{name}.by_time": it.by_time.time_s for name, it in scene.load.items() if it.by_time}
+    for path, time in (times | {"drive": scene.drive.time_s or ()}).items():
+        if time:
             first, last = f"{path}.time_s.0", f"{path}.time_s.{len(time) - 1}"
             require(time[0] <= begin_s, first, f"a number <= {begin_s:g}, when the scene begins", time[0])
             lasts = time[-1] >= end_s * (1 - ROUND_OFF)
             require(lasts, last, f"at least {end_s:g}, when the scene ends", time[-1])
-
-
-def _check_loads(scene: "Scene") -> None:
-    for name, load in scene.load.items():
-        path, guides = f"load.{name}", [it for it, part in scene.guide.items() if part.body == name]
-        if load.guide is not None:
-            require_known(f"{path}.guide", load.guide, guides, f"a guide of {name}")
-        one = load.guide is not None or len(guides) < 2 or not load.has_forces
-        require(one, f"{path}.guide", one_of(guides), None)
-        alone, expected = (
-            load.has_forces and not guides,
-            "a number for a force without a guide, and only there",
-        )
-        require((load.along_rad is not None) == alone, f"{path}.along_rad", expected, load.along_rad)
-        driven = load.gas is None or load.gas.body or scene.drive.body
-        require(driven is not None, f"{path}.gas.body", "a body, or drive.body", None)
-
-
-def _check_start(scene: "Scene") -> None:
-    start, both = scene.start, scene.body.keys() & scene.guide.keys()
-    for place, name in enumerate(start.hold):
-        require(name not in both, f"start.hold.{place}", "a name that is of a body or of a guide", name)
-    for name in scene.body if start.states else ():
-        require(name in start.states, f"start.{name}", "the state of every body or of none", None)
-    for key in ("angle_rad", "position_m", "hold") if start.states else ():
-        came = getattr(start, key)
-        require(not came, f"start.{key}", "nothing beside the state of every body", came)

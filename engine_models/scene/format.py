@@ -43,6 +43,26 @@ SAME_SPEED = 1e-6
 STEPS = 1e-60, 1e60
 #: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
 FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
+#: The columns of the kinds of drives that have a table; what each kind needs, and may have; and what is in the
+#: place of that along a guide.
+TABLES: dict[object, tuple[str, ...]] = {
+    "table": ("time_s", "angle_rad", "position_m"),
+    "torque": ("time_s", "torque_N_m"),
+    "motor": ("speed_rad_s", "torque_N_m"),
+}
+NEEDED: dict[str, tuple[str, ...]] = {
+    "ramp": ("final_speed_rad_s", "ramp_time_s"),
+    "fluctuating": ("amplitude_rad_s", "frequency_Hz"),
+    "table": ("time_s", "angle_rad"),
+    "torque": ("torque_N_m",),
+    "motor": ("stall_torque_N_m", "no_load_speed_rad_s"),
+}
+MAY_HAVE = {"fluctuating": ("phase_rad",), "torque": ("time_s",)}
+ALONG = {
+    "final_speed_rad_s": "final_speed_m_s",
+    "amplitude_rad_s": "amplitude_m_s",
+    "angle_rad": "position_m",
+}
 #: The units of the slopes at a table's ends, by the first of these columns that it has.
 SLOPES = {"position_m": "m/s", "angle_rad": "rad/s", "force_N": "N/s", "speed_rad_s": "N m s/rad"}
 
@@ -178,11 +198,17 @@ class SceneData(BaseModel):
 
 
 def _or_a_file(schema: dict[str, Any], kind: "type[Table]") -> None:
-    """Let the JSON schema of a table have a file in place of lists."""
+    """Let the JSON schema of a table have a file in place of lists, and a drive what its kind needs."""
     schema["properties"]["file"] = {"type": "string", "description": "a CSV file in place of lists"}
-    if lists := [name for name in schema.get("required", ()) if name in kind.COLUMNS]:
+    if lists := [name for name in schema["required"] if name in kind.COLUMNS]:
         schema["required"] = [name for name in schema["required"] if name not in lists]
         schema["oneOf"] = [{"required": lists}, {"required": ["file"]}]
+    for drive, needed in NEEDED.items() if kind is Drive else ():
+        listed = [{"required": [name for name in needed if name not in ALONG]}]
+        then = {"anyOf": [*listed, *([{"required": ["file"]}] if drive in TABLES else [])]}
+        schema.setdefault("allOf", []).append(
+            {"if": {"properties": {"kind": {"const": drive}}}, "then": then}
+        )
 
 
 class Table(SceneData):
@@ -191,21 +217,26 @@ class Table(SceneData):
     model_config = ConfigDict(json_schema_extra=_or_a_file)
 
     #: The columns: the first one, and others of which there is one at least.
-    COLUMNS: ClassVar[tuple[str, ...]]
+    COLUMNS: ClassVar[tuple[str, ...]] = ()
 
     interpolation: Interpolation = "spline"
     end_slopes: Pair | None = None
 
+    @classmethod
+    def columns_of(cls, kind: object) -> tuple[str, ...]:
+        """Return the columns of a table, or of a drive of a kind, if that has one."""
+        return cls.COLUMNS or TABLES.get(kind, ())
+
     @model_validator(mode="before")
     @classmethod
     def _has_the_columns_of_its_file(cls, data: object, info: ValidationInfo) -> object:
-        if not isinstance(data, Mapping) or "file" not in data:
+        if not (isinstance(data, Mapping) and "file" in data and (names := cls.columns_of(data.get("kind")))):
             return data
-        file, beside = data["file"], [name for name in cls.COLUMNS if name in data]
+        file, beside = data["file"], [name for name in names if name in data]
         require(not beside, "file", f"nothing beside {one_of(beside)}", file)
         require(isinstance(file, str), "file", "the name of a CSV file", file)
         try:
-            columns = read_columns((info.context or {}).get("folder", Path()) / file, cls.COLUMNS)
+            columns = read_columns((info.context or {}).get("folder", Path()) / file, names)
         except BadFile as reason:
             raise ValueError(f"file: {reason}") from None
         return {key: value for key, value in data.items() if key != "file"} | columns
@@ -213,9 +244,9 @@ class Table(SceneData):
     @model_validator(mode="after")
     def _is_a_table(self) -> "Table":
         """Refuse columns that are missing, too short, of other lengths, or do not rise; and bad slopes."""
-        x_name, *names = self.COLUMNS
+        x_name, *names = self.columns_of(getattr(self, "kind", None)) or ("interpolation",)
         x, columns = getattr(self, x_name), [name for name in names if isinstance(getattr(self, name), tuple)]
-        if x is None and not columns:  # numbers in place of a table
+        if not columns and not isinstance(x, tuple):  # numbers in place of a table
             return self
         self.require(x is not None, x_name, f"a value beside a list {one_of(columns)}")
         self.require(
@@ -373,6 +404,12 @@ class Clearance(SceneData):
         self.require(not is_linear or self.exponent in (None, 1.0), "exponent", f"1 or nothing {when}")
         return self
 
+    def data(self) -> data.ClearanceData:
+        """Return the clearance as data of the mechanism."""
+        of = self.friction
+        rubbing = data.FrictionLaw(**of.model_dump(exclude_none=True)) if of else None
+        return data.ClearanceData(**self.model_dump(exclude={"friction", "bearing"}), friction=rubbing)
+
 
 # Loads
 
@@ -463,150 +500,74 @@ class Load(SceneData):
         return self
 
 
-# What drives a mechanism. A driver that prescribes the motion keeps it whatever it takes. Prescribed speeds
-# are functions of time on the drive's clock, which reads ``start.time_s`` as a run begins. On a body they are
-# in rad/s, along a guide in m/s: fields with ``_m`` and ``_m_s`` take the place of those with ``_rad`` there.
+class Drive(Table):
+    """What drives a ``body``, the first of the file unless it is named, or a ``guide``'s body along it.
 
+    Prescribed speeds are kept whatever that takes. They are functions of time on the drive's clock, which
+    reads ``start.time_s`` as a run begins; of a body in rad/s, along a guide in m/s: fields with ``_m`` and
+    ``_m_s`` take the place of those with ``_rad`` there. ``constant-speed`` keeps that of the start.
+    ``ramp`` goes from it to another, and stays there: a start-up, or a stop. It is w0 + (w1 - w0) x^3
+    (10 - 15 x + 6 x^2) with x = t/``ramp_time_s`` up to 1: twice differentiable. ``fluctuating`` is the
+    start's plus ``amplitude_rad_s`` sin(2 pi ``frequency_Hz`` t + ``phase_rad``); what is slower than 1e-9 Hz
+    is constant for as long as anybody waits. ``table`` turns the body from the start's angle on, as
+    ``angle_rad`` does from its first entry on, by a cubic spline of time; ``end_slopes`` are its speeds at
+    both ends. Without them it is not-a-knot there (de Boor's), but at rest at an end whose two angles are
+    equal. Between straight lines the speed jumps: ``linear`` is for a constant speed alone.
 
-class AnyDrive(SceneData):
-    """What is driven: a ``body``, the first of the file unless it is named, or a guide's body along it."""
+    ``torque`` is on the body, counter-clockwise positive: constant, or by a table over the clock's time.
+    ``motor`` is a torque by the body's speed: at rest ``stall_torque_N_m``, at ``no_load_speed_rad_s`` none,
+    linear in between and beyond; or by a table, which has its end values beyond its ends.
+    """
 
-    #: What a drive of a body has, and what one along a guide has in its place.
-    FITTING: ClassVar[tuple[str, ...]] = ()
-
-    kind: str
+    kind: Literal["free", "constant-speed", "ramp", "fluctuating", "table", "torque", "motor"]
     body: BodyName | None = None
     guide: GuideName | None = None
-
-    @model_validator(mode="after")
-    def _drives_one_thing(self) -> "AnyDrive":
-        self.require(self.guide is None or self.body is None, "body", "nothing beside guide")
-        along = self.guide is None or self.kind not in ("torque", "motor")
-        self.require(along, "guide", "nothing with a torque, which acts on a body")
-        when = "without guide" if self.guide is None else "beside guide"
-        for name in sorted(self.FITTING, key=lambda name: name == self.fitting):
-            self.require_if(name == self.fitting, name, when)
-        return self
-
-    @property
-    def fitting(self) -> str:
-        """The name of the field that fits what is driven."""
-        return self.FITTING[self.guide is not None]
-
-
-class FreeDrive(AnyDrive):
-    """Nothing drives the mechanism."""
-
-    kind: Literal["free"]
-
-
-class ConstantSpeedDrive(AnyDrive):
-    """What is driven keeps the speed that it starts with."""
-
-    kind: Literal["constant-speed"]
-
-
-class RampDrive(AnyDrive):
-    """The speed goes from the start's to another, and stays there: a start-up, or a stop.
-
-    It is w0 + (w1 - w0) x^3 (10 - 15 x + 6 x^2) with x = t/``ramp_time_s`` up to 1: twice differentiable.
-    """
-
-    FITTING = ("final_speed_rad_s", "final_speed_m_s")
-
-    kind: Literal["ramp"]
     final_speed_rad_s: float | None = None
     final_speed_m_s: float | None = None
-    ramp_time_s: Positive
-
-
-class FluctuatingDrive(AnyDrive):
-    """The speed is the start's plus ``amplitude_rad_s`` sin(2 pi ``frequency_Hz`` t + ``phase_rad``).
-
-    What is slower than 1e-9 Hz is constant for as long as anybody waits.
-    """
-
-    FITTING = ("amplitude_rad_s", "amplitude_m_s")
-
-    kind: Literal["fluctuating"]
+    ramp_time_s: Positive | None = None
     amplitude_rad_s: NonNegative | None = None
     amplitude_m_s: NonNegative | None = None
-    frequency_Hz: Annotated[float, Field(ge=1e-9)]
+    frequency_Hz: Annotated[float, Field(ge=1e-9)] | None = None
     phase_rad: Angle = 0.0
-
-
-class TableDrive(AnyDrive, Table):
-    """The body turns by a table: from the start's angle on, as ``angle_rad`` does from its first entry on.
-
-    Between the entries the angle is a cubic spline of time. ``end_slopes`` are its speeds in rad/s at both
-    ends. Without them it is not-a-knot there (de Boor's), but at rest at an end whose two angles are equal.
-    Between straight lines the speed jumps: ``linear`` is for a constant speed alone.
-    """
-
-    COLUMNS = ("time_s", "angle_rad", "position_m")
-    FITTING = ("angle_rad", "position_m")
-
-    kind: Literal["table"]
-    time_s: Numbers
+    time_s: Numbers | None = None
     angle_rad: Angles | None = None
     position_m: Numbers | None = None
+    torque_N_m: float | Numbers | None = None
+    stall_torque_N_m: float | None = None
+    no_load_speed_rad_s: float | None = None
+    speed_rad_s: Numbers | None = None
 
     @property
     def course(self) -> data.Table:
         """The angle in rad, or the position in m, over the drive's clock in s."""
-        return self.table("time_s", self.fitting)
+        return self.table("time_s", "position_m" if self.guide else "angle_rad")
 
     @model_validator(mode="after")
-    def _moves_evenly(self) -> "TableDrive":
-        speeds = np.diff(self.course.y) / np.diff(self.time_s)
-        even = self.interpolation == "spline" or np.ptp(speeds) <= SAME_SPEED * abs(speeds).max()
-        self.require(
-            bool(even), "interpolation", "'spline' (else the speed would jump, by an infinite force)"
-        )
+    def _fits_its_kind(self) -> "Drive":
+        kind, along = self.kind, self.guide is not None
+        self.require(not along or self.body is None, "body", "nothing beside guide")
+        acts = not along or kind not in ("torque", "motor")
+        self.require(acts, "guide", "nothing with a torque, which acts on a body")
+        table, by_speed = self.columns_of(kind), self.speed_rad_s is not None
+        of_body = table if by_speed else NEEDED.get(kind, ())
+        needed = [ALONG.get(name, name) if along else name for name in of_body]
+        may = {*needed, *MAY_HAVE.get(kind, ()), *(("interpolation", "end_slopes") if table else ())}
+        given = {name for name in self.model_fields_set if getattr(self, name) is not None}
+        when = f"with kind = '{kind}'{' along a guide' if along else ' by a table' if by_speed else ''}"
+        wrong = [name for name in type(self).model_fields if name in given - may - {"kind", "body", "guide"}]
+        reasons = [f"{name}: expected nothing {when}, got {shown(getattr(self, name))}" for name in wrong]
+        reasons += [f"{name}: expected a value {when}, got nothing" for name in needed if name not in given]
+        if reasons:
+            raise SceneError(*reasons)
+        if kind == "table" and self.interpolation == "linear":
+            speeds = np.diff(self.course.y) / np.diff(self.course.x)
+            even = bool(np.ptp(speeds) <= SAME_SPEED * abs(speeds).max())
+            self.require(even, "interpolation", "'spline' (else the speed would jump, by an infinite force)")
+        if (stall := self.stall_torque_N_m) is not None:
+            self.require(stall != 0, "stall_torque_N_m", "a number other than 0")
+            same = (self.no_load_speed_rad_s or 0.0) * math.copysign(1.0, stall) > 0
+            self.require(same, "no_load_speed_rad_s", "a number of the sign of stall_torque_N_m, not 0")
         return self
-
-
-class TorqueDrive(AnyDrive, Table):
-    """A torque on the body, counter-clockwise positive: constant, or by a table over the clock's time."""
-
-    COLUMNS = ("time_s", "torque_N_m")
-
-    kind: Literal["torque"]
-    torque_N_m: float | Numbers
-    time_s: Numbers | None = None
-
-
-class MotorDrive(AnyDrive, Table):
-    """A torque by the body's speed: linear through two points and beyond them, or by a table.
-
-    At rest it is ``stall_torque_N_m``, at ``no_load_speed_rad_s`` none; faster than that the motor brakes. A
-    table of ``torque_N_m`` over ``speed_rad_s`` has its end values beyond its ends.
-    """
-
-    COLUMNS = ("speed_rad_s", "torque_N_m")
-
-    kind: Literal["motor"]
-    stall_torque_N_m: float | None = None
-    no_load_speed_rad_s: float | None = None
-    speed_rad_s: Numbers | None = None
-    torque_N_m: Numbers | None = None
-
-    @model_validator(mode="after")
-    def _drives(self) -> "MotorDrive":
-        by_table = self.speed_rad_s is not None
-        for name in ("stall_torque_N_m", "no_load_speed_rad_s"):
-            self.require_if(not by_table, name, f"{'beside' if by_table else 'without'} a table")
-        stall, speed = self.stall_torque_N_m, self.no_load_speed_rad_s
-        self.require(stall != 0, "stall_torque_N_m", "a number other than 0")
-        same = by_table or math.copysign(1.0, stall or 0.0) * (speed or 0.0) > 0
-        self.require(same, "no_load_speed_rad_s", "a number of the sign of stall_torque_N_m, not 0")
-        return self
-
-
-Drive = Annotated[
-    FreeDrive | ConstantSpeedDrive | RampDrive | FluctuatingDrive | TableDrive | TorqueDrive | MotorDrive,
-    Field(discriminator="kind"),
-]
 
 
 # Starts
@@ -661,9 +622,3 @@ class Top(SceneData):
     ]
     end_time_s: Annotated[float, Field(gt=0, ge=1e-100)]
     gravity_m_s2: Annotated[NonNegative | Pair, expect("a finite number >= 0 or a list of two")] = 0.0
-
-    @property
-    def gravity(self) -> tuple[float, float]:
-        """Gravity as an acceleration (x, y) in m/s^2."""
-        own = self.gravity_m_s2
-        return own if isinstance(own, tuple) else (0.0, -own)

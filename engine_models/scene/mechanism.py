@@ -1,6 +1,5 @@
 """A scene's parts as the mechanism by names that engines build from: names become numbers and places."""
 
-from collections.abc import Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -24,7 +23,21 @@ def as_data(kind: type[Kind], part: object, **others: Any) -> Kind:
 
 
 def mechanism_data(scene: "Scene") -> data.MechanismData:
-    """Return the mechanism by names of a scene whose parts fit each other."""
+    """Return the mechanism by names of a scene whose parts fit each other.
+
+    A pin is a joint from the first part that has it to each other, named PIN or, of three or more, PIN.BODY.
+    """
+    rooms = {pin: scene.clearance[pin].data() if pin in scene.clearance else None for pin in scene.pins}
+    pins = tuple(
+        data.Pin(
+            **_ends(scene, (first, pin), (other, pin)),
+            name=pin if len(others) == 1 else f"{pin}.{other}",
+            clearance=rooms[pin],
+            bearing_on_j=pin in scene.clearance and scene.clearance[pin].bearing == other,
+        )
+        for pin, (first, *others) in scene.pins.items()
+        for other in others
+    )
     guides = tuple(
         as_data(data.Guide, it, name=name, **_ends(scene, (it.on, it.through_m), (it.body, it.pin)))
         for name, it in scene.guide.items()
@@ -33,39 +46,17 @@ def mechanism_data(scene: "Scene") -> data.MechanismData:
         as_data(data.Spring, it, name=name, **_ends(scene, *(end.split(".") for end in it.between)))
         for name, it in scene.spring.items()
     )
-    return data.MechanismData(
-        tuple(as_data(data.Body, it, name=name) for name, it in scene.body.items()),
-        tuple(_pins(scene)),
-        guides,
-        springs,
-        tuple(_load(scene, name, it, guides) for name, it in scene.load.items()),
-        _drive(scene, guides),
-        scene.gravity,
-    )
+    bodies = tuple(as_data(data.Body, it, name=name) for name, it in scene.body.items())
+    loads = tuple(_load(scene, name, it, guides) for name, it in scene.load.items())
+    gravity = scene.gravity_m_s2 if isinstance(scene.gravity_m_s2, tuple) else (0.0, -scene.gravity_m_s2)
+    drive = _drive(scene, bodies, guides)
+    return data.MechanismData(bodies, pins, guides, springs, loads, drive, gravity)
 
 
 def _ends(scene: "Scene", i: Any, j: Any) -> dict[str, Any]:
     """Return the fields of ``data.Ends`` between two places or pins of bodies, each (body, place)."""
     numbers = {"body_i": scene.number(i[0]), "body_j": scene.number(j[0])}
     return numbers | {"point_i": scene.point(*i), "point_j": scene.point(*j)}
-
-
-def _pins(scene: "Scene") -> Iterator[data.Pin]:
-    """Yield the joints: of each pin from the first that has it to each other, named PIN or PIN.BODY."""
-    for pin, (first, *others) in scene.pins.items():
-        room = scene.clearance.get(pin)
-        for other in others:
-            name, ends = (
-                pin if len(others) == 1 else f"{pin}.{other}",
-                _ends(scene, (first, pin), (other, pin)),
-            )
-            on_j = room is not None and room.bearing == other
-            yield data.Pin(**ends, name=name, clearance=_clearance(room) if room else None, bearing_on_j=on_j)
-
-
-def _clearance(room: form.Clearance) -> data.ClearanceData:
-    friction = room.friction and as_data(data.FrictionLaw, room.friction)
-    return as_data(data.ClearanceData, room, friction=friction)
 
 
 def _load(scene: "Scene", name: str, load: form.Load, guides: tuple[data.Guide, ...]) -> data.Load:
@@ -83,52 +74,44 @@ def _load(scene: "Scene", name: str, load: form.Load, guides: tuple[data.Guide, 
     return as_data(data.Load, load, body=body, line=line, gas=of_gas, **tables)
 
 
-def _drive(scene: "Scene", guides: tuple[data.Guide, ...]) -> data.DriveData:
+def _drive(scene: "Scene", bodies: tuple[data.Body, ...], guides: tuple[data.Guide, ...]) -> data.DriveData:
     """Return the drive; the speed at the start is that told of what is driven, or that of a given state."""
-    name, start, guide = scene.driven, scene.start, None
-    if scene.drive.guide is None:
+    from reference_solver.mechanism.assembly import Joints  # most scenes do without
+
+    drive, start, name, number = scene.drive, scene.start, scene.driven, None
+    if drive.guide is None:
         body, speed = scene.number(name), start.speed_rad_s.get(name)
         if speed is None and start.states:
             speed = start.states[name].angular_velocity_rad_s
     else:
-        guide = [*scene.guide].index(name)
-        body, speed = guides[guide].body_j, start.speed_m_s.get(name)
+        number = [*scene.guide].index(name)
+        body, speed = guides[number].body_j, start.speed_m_s.get(name)
         if speed is None and start.states:
-            speed = _speed_along(scene, guides[guide])
-    return data.DriveData(body, guide, _law(scene.drive, speed or 0.0), start.time_s)
-
-
-def _law(drive: form.Drive, speed: float) -> data.DriveLaw | None:
-    """Return the law of a drive, whose start has a speed in rad/s or m/s."""
-    match drive:
-        case form.ConstantSpeedDrive():
-            return data.ConstantSpeed(speed)
-        case form.RampDrive():
-            return data.Ramp(speed, getattr(drive, drive.fitting), drive.ramp_time_s)
-        case form.FluctuatingDrive():
-            return as_data(data.Fluctuation, drive, mean=speed, amplitude=getattr(drive, drive.fitting))
-        case form.TableDrive():
-            return data.Course(drive.course)
-        case form.TorqueDrive():
-            constant = drive.torque_N_m
-            return data.Torque(drive.table(*drive.COLUMNS) if isinstance(constant, tuple) else constant)
-        case form.MotorDrive():
-            return as_data(
-                data.Motor, drive, table=drive.table(*drive.COLUMNS) if drive.speed_rad_s else None
-            )
-    return None
+            q, v = state_of(scene)
+            speed = float(Joints(data.MechanismData(bodies, (), guides)).way_rows(q)[number] @ v)
+    speed = speed or 0.0
+    law: data.DriveLaw | None = None
+    match drive.kind:
+        case "constant-speed":
+            law = data.ConstantSpeed(speed)
+        case "ramp":
+            last = drive.final_speed_rad_s if number is None else drive.final_speed_m_s
+            law = as_data(data.Ramp, drive, first=speed, last=last, duration_s=drive.ramp_time_s)
+        case "fluctuating":
+            amplitude = drive.amplitude_rad_s if number is None else drive.amplitude_m_s
+            law = as_data(data.Fluctuation, drive, mean=speed, amplitude=amplitude)
+        case "table":
+            law = data.Course(drive.course)
+        case "torque":
+            by_time = {"torque_N_m": drive.table("time_s", "torque_N_m")} if drive.time_s else {}
+            law = as_data(data.Torque, drive, **by_time)
+        case "motor":
+            table = drive.table("speed_rad_s", "torque_N_m") if drive.speed_rad_s else None
+            law = as_data(data.Motor, drive, table=table)
+    return data.DriveData(body, number, law, start.time_s)
 
 
 def state_of(scene: "Scene") -> tuple[FloatArray, FloatArray]:
     """Return the given states of all bodies as coordinates and velocities, (n,) each."""
     states = np.array([[*scene.start.states[name].model_dump().values()] for name in scene.body])
     return states[:, :3].ravel(), states[:, 3:].ravel()
-
-
-def _speed_along(scene: "Scene", guide: data.Guide) -> float:
-    """Return the speed in m/s along a guide in the given states."""
-    from reference_solver.mechanism.assembly import Joints  # most scenes do without
-
-    bodies = tuple(as_data(data.Body, it) for it in scene.body.values())
-    q, v = state_of(scene)
-    return float(Joints(data.MechanismData(bodies, (), (guide,))).way_rows(q)[0] @ v)

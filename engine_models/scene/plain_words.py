@@ -20,7 +20,6 @@ JsonSchema = dict[str, Any]
 
 BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
 SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
-NO_TAG = ("union_tag_invalid", "union_tag_not_found")
 #: Beginnings of pydantic's words, and what stands for them.
 WORDS = {
     r"\w+ should (be|have) ": "",
@@ -29,7 +28,7 @@ WORDS = {
     r"a valid boolean.*": "true or false",
     r"a valid integer.*": "an integer",
     r"a valid (\w+).*": r"a \1",
-    r"Field required|Unable to extract tag.*": "a value",
+    r"Field required": "a value",
     r"(at (least|most) \d+ items?) after.*": r"\1",
 }
 #: Longest piece of the input that a message repeats, and most reasons that it gives.
@@ -155,10 +154,7 @@ def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
         return [".".join([*path, reason]) for reason in reasons]
     if kind == "extra_forbidden":
         return [unknown_key(steps[-1], known)]
-    if kind in NO_TAG:
-        path.append(tag := context["discriminator"].strip("'"))
-        data = data.get(tag)
-    choices = re.findall(r"'([^']*)'", context.get("expected_tags", context.get("expected", "")))
+    choices = re.findall(r"'([^']*)'", context.get("expected", ""))
     expected = one_of(list(map(shown, choices))) or error["msg"]
     for words, plain in WORDS.items():
         expected = re.sub(f"^{words}", plain, expected)
@@ -169,6 +165,5 @@ def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
         data = steps[-1]
     elif unit and isinstance(error["input"], str) and kind != "known":
         expected += f", or text with a unit such as '1 {unit}'"
-    is_absent = kind == "missing" or (kind in NO_TAG and data is None)
     choices = context.get("known", choices)
-    return [unknown(".".join(path), data, choices, expected, "nothing" if is_absent else "")]
+    return [unknown(".".join(path), data, choices, expected, "nothing" if kind == "missing" else "")]

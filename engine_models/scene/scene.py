@@ -60,14 +60,13 @@ class Scene(form.Top):
     turning: form.TurningName | None = None
     spring: Named[form.Spring] = Field({})
     load: dict[form.BodyName, form.Load] = Field({})
-    drive: form.Drive = form.FreeDrive(kind="free")
+    drive: form.Drive = form.Drive(kind="free")
     clearance: dict[form.JointName, form.Clearance] = Field({})
     start: form.PlacedStart = form.PlacedStart()
     film: Later = Field({})
     friction: Later = Field({})
 
     _short: CrankSlider | None = PrivateAttr(None)
-    _placed: Placed = PrivateAttr()
 
     @field_validator("body", "guide")
     @classmethod
@@ -83,7 +82,7 @@ class Scene(form.Top):
     def _hangs_together(self, info: ValidationInfo) -> "Scene":
         self._short = (info.context or {}).get("short")
         check_parts(self)
-        self._placed = placed(self, self._short)
+        self.placed  # noqa: B018  put together, or refused
         return self
 
     @classmethod
@@ -175,39 +174,34 @@ class Scene(form.Top):
         return form.pins_of(self.ground, self.body)
 
     @property
-    def lone_pins(self) -> dict[str, str]:
-        """The pins of no joint, guide or spring, with what has each."""
-        used = {guide.pin for guide in self.guide.values()}
-        used |= {end.partition(".")[2] for spring in self.spring.values() for end in spring.between}
-        return {pin: names[0] for pin, names in self.pins.items() if len(names) == 1 and pin not in used}
-
-    @property
     def markers(self) -> dict[str, tuple[int, Point]]:
         """The pins of no joint, guide or spring, by their names: the body of each, and its point there."""
-        return {pin: (self.number(name), self.point(name, pin)) for pin, name in self.lone_pins.items()}
+        used = {guide.pin for guide in self.guide.values()}
+        used |= {end.partition(".")[2] for spring in self.spring.values() for end in spring.between}
+        alone = {pin: names[0] for pin, names in self.pins.items() if len(names) == 1 and pin not in used}
+        return {pin: (self.number(name), self.point(name, pin)) for pin, name in alone.items()}
 
     @cached_property
     def mechanism(self) -> data.MechanismData:
         """The mechanism by names, from which engines build it."""
         return mechanism_data(self)
 
-    @property
+    @cached_property
     def placed(self) -> Placed:
         """The start: coordinates and velocities of all bodies."""
-        return self._placed
+        return placed(self, self._short)
 
     @property
     def observed(self) -> Observed:
         """What the scene is about."""
         name, _, axis = self.observe.rpartition(".")
         what: Any = axis
-        if axis == "angle":
-            return Observed(self.observe, what, self.number(name))
         if axis == "along":
             guide = self.mechanism.guides[[*self.guide].index(name)]
             return Observed(self.observe, what, guide.body_j, guide.point_j, guide)
-        last = self.pins[name][-1]
-        return Observed(self.observe, what, self.number(last), self.point(last, name))
+        last = name if axis == "angle" else self.pins[name][-1]
+        point = (0.0, 0.0) if axis == "angle" else self.point(last, name)
+        return Observed(self.observe, what, self.number(last), point)
 
     @property
     def driven(self) -> str:

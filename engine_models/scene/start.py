@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from engine_models.scene.format import TableDrive, require
+from engine_models.scene.format import require
 from engine_models.scene.mechanism import state_of
 from engine_models.scene.short import CrankSlider
-from reference_solver.mechanism.data import Motion
+from reference_solver.mechanism.data import Course, Motion
 from reference_solver.mechanism.loads import distance_m
 from reference_solver.mechanism.motions import curve_of, going_on, moved
 from reference_solver.tape import FloatArray
@@ -43,19 +43,30 @@ def placed(scene: "Scene", short: CrankSlider | None) -> Placed:
     try:
         if scene.start.states:
             q, v = state_of(scene)
-            _check_springs(scene, q)
             require_closed(of, q, v)
         elif short is not None and short.guide == (0.0, 0.0) and not told.speed_m_s:
             q, v = assembled(short, short.start.crank_angle_rad, told.speed_rad_s.get(0, 0.0))
         else:
-            found = assemble(of, told)
-            what = "guide" if scene.drive.guide else "body"
-            moves = scene.drive.kind == "free" or found.drive_moves
+            start, what = assemble(of, told), "guide" if scene.drive.guide else "body"
+            moves = scene.drive.kind == "free" or start.drive_moves
             require(moves, f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
-            q, v, words = found.q, found.v, _moved(scene, found)
+            q, v, told_ways = start.q, start.v, [name in scene.start.position_m for name in scene.guide]
+            changes = [(f"{name} turned by", "rad") for name in scene.body]
+            changes += [(f"{name} moved along by", "m") for name in scene.guide]
+            sizes = np.abs([*start.turned_rad, *start.moved_m * told_ways])
+            by = [
+                f"{what} {x:.3g} {unit}"
+                for (what, unit), x in zip(changes, sizes, strict=True)
+                if x > ROUND_OFF
+            ]
+            words = ", ".join(by) or "nothing moved"
     except NotAssembled as reason:
         raise ValueError(_refused(scene, str(reason))) from None
-    _check_springs(scene, q.ravel())
+    for spring in of.springs:
+        has_length = spring.free_length_m > 0 or spring.damping_N_s_m > 0
+        apart = not has_length or distance_m(spring, q.reshape(1, -1))[0] > ROUND_OFF * spring.free_length_m
+        expected = "ends that are apart at the start (else its force has no direction)"
+        require(bool(apart), f"spring.{spring.name}.between", expected, "both at one place")
     return Placed(tuple(q.ravel().tolist()), tuple(v.ravel().tolist()), words)
 
 
@@ -88,15 +99,6 @@ def along_axis(distance_m: float, angle_rad: float, rate_rad_s: float) -> FloatA
     )
 
 
-def _check_springs(scene: "Scene", q: FloatArray) -> None:
-    """Refuse a spring whose ends are at one place, so that its force has no direction."""
-    for spring in scene.mechanism.springs:
-        has_length = spring.free_length_m > 0 or spring.damping_N_s_m > 0
-        apart = not has_length or distance_m(spring, q[None])[0] > ROUND_OFF * spring.free_length_m
-        expected = "ends that are apart at the start (else its force has no direction)"
-        require(bool(apart), f"spring.{spring.name}.between", expected, "both at one place")
-
-
 def _refused(scene: "Scene", reason: str) -> str:
     """Return why there is no such start, with the entry that tells what does not hold."""
     start, expected = scene.start, reason.partition(", got")[0]
@@ -108,19 +110,6 @@ def _refused(scene: "Scene", reason: str) -> str:
     return f"start.{key}: {reason}{also}"
 
 
-def _moved(scene: "Scene", found: "assembly.Assembled") -> str:
-    """Return in words which bodies the assembly has turned and what it has moved along guides the most."""
-    told = [name in scene.start.position_m for name in scene.guide]
-    turned = dict(zip(scene.body, found.turned_rad, strict=True))
-    slid = dict(zip(scene.guide, found.moved_m * told, strict=True))
-    parts = []
-    for moves, verb, unit in ((turned, "turned", "rad"), (slid, "moved along", "m")):
-        name = max(moves, key=lambda name: abs(moves[name]), default="")
-        if name and abs(moves[name]) > ROUND_OFF:
-            parts.append(f"{name} {verb} by {abs(moves[name]):.3g} {unit}")
-    return ", ".join(parts) or "nothing moved"
-
-
 def _told(scene: "Scene") -> "assembly.Told":
     """Return what the file tells of the start, by numbers, with the speed of what is driven."""
     from reference_solver.mechanism.assembly import Told
@@ -128,27 +117,24 @@ def _told(scene: "Scene") -> "assembly.Told":
     start, drive, held = scene.start, scene.mechanism.drive, held_at_start(scene)
     bodies = {name: number for number, name in enumerate(scene.body)}
     guides = {name: number for number, name in enumerate(scene.guide)}
+    angles = {bodies[name]: angle for name, angle in start.angle_rad.items()}
+    ways = {guides[name]: way for name, way in start.position_m.items()}
     speeds = {bodies[name]: speed for name, speed in start.speed_rad_s.items()}
     along = {guides[name]: speed for name, speed in start.speed_m_s.items()}
     if isinstance(drive.law, Motion):
         driven, number = (speeds, drive.body) if drive.guide is None else (along, drive.guide)
         speed = float(moved(going_on(drive.law, drive.clock_s), 0.0)[1])
-        if isinstance(scene.drive, TableDrive) and number in driven:
-            rates = curve_of(scene.drive.course).derivative()(scene.drive.time_s)
-            key = "speed_rad_s" if drive.guide is None else "speed_m_s"
-            expected = f"the speed of the drive's table when the scene begins, {speed:.4g}"
+        if isinstance(drive.law, Course) and number in driven:
+            rates = curve_of(drive.law.table).derivative()(drive.law.table.x)
             alike = abs(driven[number] - speed) <= ALIKE * max(map(abs, rates))
-            require(alike, f"start.{key}.{scene.driven}", expected, driven[number])
+            field = f"start.speed_{'rad_s' if drive.guide is None else 'm_s'}.{scene.driven}"
+            expected = f"the speed of the drive's table when the scene begins, {speed:.4g}"
+            require(alike, field, expected, driven[number])
         if speed or speeds or along:
             driven[number] = speed
-    return Told(
-        {bodies[name]: angle for name, angle in start.angle_rad.items()},
-        {guides[name]: way for name, way in start.position_m.items()},
-        tuple(bodies[name] for name in held if name in bodies),
-        tuple(guides[name] for name in held if name in guides),
-        speeds,
-        along,
-    )
+    held_bodies = tuple(bodies[name] for name in held if name in bodies)
+    held_guides = tuple(guides[name] for name in held if name in guides)
+    return Told(angles, ways, held_bodies, held_guides, speeds, along)
 
 
 def held_at_start(scene: "Scene") -> tuple[str, ...]:
