@@ -43,8 +43,8 @@ SAME_SPEED = 1e-6
 STEPS = 1e-60, 1e60
 #: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
 FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
-#: The columns of the kinds of drives that have a table; what each kind needs, and may have; and what is in the
-#: place of that along a guide.
+#: The columns of the kinds of drives with a table; what each kind needs, and may have; and what is in its place
+#: along a guide.
 TABLES: dict[object, tuple[str, ...]] = {
     "table": ("time_s", "angle_rad", "position_m"),
     "torque": ("time_s", "torque_N_m"),
@@ -552,9 +552,10 @@ class Drive(Table):
         of_body = table if by_speed else NEEDED.get(kind, ())
         needed = [ALONG.get(name, name) if along else name for name in of_body]
         may = {*needed, *MAY_HAVE.get(kind, ()), *(("interpolation", "end_slopes") if table else ())}
-        given = {name for name in self.model_fields_set if getattr(self, name) is not None}
+        fields = type(self).model_fields
+        given = {name for name in fields if getattr(self, name) != fields[name].default}
         when = f"with kind = '{kind}'{' along a guide' if along else ' by a table' if by_speed else ''}"
-        wrong = [name for name in type(self).model_fields if name in given - may - {"kind", "body", "guide"}]
+        wrong = [name for name in fields if name in given - may - {"kind", "body", "guide"}]
         reasons = [f"{name}: expected nothing {when}, got {shown(getattr(self, name))}" for name in wrong]
         reasons += [f"{name}: expected a value {when}, got nothing" for name in needed if name not in given]
         if reasons:

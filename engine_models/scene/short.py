@@ -11,10 +11,12 @@ import math
 import re
 from typing import Any
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from engine_models.scene import format as form
 from engine_models.scene.format import Angle, BodyState, Named, Positive, SceneData, require
+from reference_solver.tape import FloatArray
 
 #: Entries that the general spelling alone has, by which a file without a crank is of that spelling.
 OF_GENERAL = ("body", "ground", "guide", "observe")
@@ -155,3 +157,32 @@ class CrankSlider(form.Top):
 def in_short(path: str) -> str:
     """Return the path of a field, or a reason that begins with one, as the short spelling has it."""
     return re.sub(r"^start\.(angle|speed)_rad(_s)?(\.crank)?(?=:|$)", r"start.crank_\1_rad\2", path)
+
+
+def assembled(short: CrankSlider, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities, each (3, 3), of a crank-slider whose guide is on the x axis.
+
+    They are those of crank, rod and slider by (x, y, phi) of the centre of mass, at a crank angle and speed;
+    of a pendulum (1, 3). The rod is on the side of its acute angle: the slider lies to the right of pin A.
+    """
+    crank, theta, omega = short.crank, angle_rad, speed_rad_s
+    state = np.zeros((2, 1 if short.rod is None else 3, 3))
+    state[:, 0, :2] = along_axis(crank.centre_of_mass_m, theta, omega)
+    state[:, 0, 2] = theta, omega
+    if (rod := short.rod) is not None:
+        r, length = crank.length_m, rod.length_m
+        phi = np.arcsin(-r / length * np.sin(theta))
+        phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
+        pin = along_axis(r, theta, omega)
+        state[:, 1, :2] = pin + along_axis(rod.centre_of_mass_m, phi, phi_rate)
+        state[:, 1, 2] = phi, phi_rate
+        state[:, 2, 0] = (pin + along_axis(length, phi, phi_rate))[:, 0]
+    return state[0], state[1]
+
+
+def along_axis(distance_m: float, angle_rad: float, rate_rad_s: float) -> FloatArray:
+    """Return the vector of a distance along a turning axis, and its derivative, (2, 2)."""
+    x, y = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array(
+        [[distance_m * x, distance_m * y], [-distance_m * rate_rad_s * y, distance_m * rate_rad_s * x]]
+    )
