@@ -18,8 +18,7 @@ from engine_models.minimal.forces import Forces
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.scene import Scene
-from engine_models.scene.short import CrankLoad
-from engine_models.scene.short import assembled
+from engine_models.scene.short import CrankLoad, assembled
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contacts import CONTACT, exponent_of, stiffness_of
 from reference_solver.tape import Node, Scalar, Tape, Value

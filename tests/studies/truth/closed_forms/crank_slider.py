@@ -204,9 +204,7 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
 
         return tabled, [time - begin for time in times]
     if drive.kind == "table":
-        first = (drive.angle_rad[-1] - drive.angle_rad[0]) / (
-            drive.time_s[-1] - drive.time_s[0]
-        )
+        first = (drive.angle_rad[-1] - drive.angle_rad[0]) / (drive.time_s[-1] - drive.time_s[0])
     return lambda t: (first * t, first + 0.0 * t, 0.0 * t), ()
 
 
@@ -330,7 +328,9 @@ def _reactions(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return joint forces (n, 3, 2), guide force (n,) and driver torque (n,), slider first."""
     inertial = masses(scene) * acceleration
-    inertial[..., 1] += masses(scene)[:, 0] * -scene.mechanism.gravity_m_s2[1]  # every force but the joints' moved left
+    inertial[..., 1] += (
+        masses(scene)[:, 0] * -scene.mechanism.gravity_m_s2[1]
+    )  # every force but the joints' moved left
     inertial[:, 2, 0] -= load_N
     crank, rod, slider = (inertial[:, i] for i in range(3))
     _, link, _ = scene.crank_slider()
