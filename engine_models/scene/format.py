@@ -43,7 +43,7 @@ SAME_SPEED = 1e-6
 STEPS = 1e-60, 1e60
 #: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
 FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
-#: The columns of drives with a table; what each kind needs, and may have; and what is in its place along a guide.
+#: Columns of drives with a table; what each kind needs, and may have; what is in place of it along a guide.
 TABLES: dict[object, tuple[str, ...]] = {
     "table": ("time_s", "angle_rad", "position_m"),
     "torque": ("time_s", "torque_N_m"),
