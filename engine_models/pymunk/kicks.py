@@ -34,6 +34,8 @@ NOTHING, LONGER, TOUCHING, THROUGH = range(4)
 KNOWN, CURVED, STRAIGHT = range(3)
 #: By this part diagonals are raised where rows depend on each other.
 FLAT = 1e-10
+#: Kinds of arrays.
+ONE, MANY = "f8[::1]", "f8[:, ::1]"
 
 
 @jit
@@ -48,7 +50,7 @@ def touches_within(e: FloatArray, q: FloatArray, v: FloatArray, time_s: float) -
 
 
 @compiled(
-    "(f8[::1], f8[::1], f8[:, ::1], f8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[:, ::1])",
+    f"({ONE}, {ONE}, {MANY}, {MANY}, i8[::1], {MANY}, {MANY}, {ONE}, {ONE}, {MANY})",
     error_model="numpy",
 )
 def look_ahead(
@@ -116,7 +118,7 @@ def look_ahead(
 
 
 @compiled(
-    "(f8[::1], f8[::1], i8, f8[:, ::1], f8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1])",
+    f"({ONE}, {ONE}, i8, {MANY}, {MANY}, i8[::1], {MANY}, {MANY}, {ONE}, {ONE}, {ONE})",
     error_model="numpy",
 )
 def account(
