@@ -78,7 +78,7 @@ COMPLIANT: Series = {
     arms.LOCATED_ALONE: ((), range(9)),
     arms.PLAIN: ((), range(6)),
     arms.REFERENCE_DOP853: ((8, 10, 12), range(6, 13)),
-    arms.DOPRI5: ((6, 8, 9), range(4, 12)),
+    arms.DOPRI5: ((6, 8, 10), range(4, 12)),
     arms.TRAPEZOIDAL: ((), range(5)),
     arms.AS_THE_SCENE: ((), range(5)),
     arms.SHORTER_IN_CONTACT: ((1, 2), range(5)),
