@@ -16,6 +16,7 @@ import math
 import platform
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
 from functools import cache, partial
 from itertools import count
 from pathlib import Path
@@ -30,7 +31,7 @@ from numba import float64, int64, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from reference_solver.kept_files import FolderRefused, private_folder, read_kept, write_kept
+from reference_solver.kept_files import FolderRefused, alone, private_folder, read_kept, write_kept
 from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -264,21 +265,23 @@ def compile_text(text: str, names: Iterable[str]) -> dict[str, Function]:
 # --------------------------------------------------------------------- functions that Numba compiles
 
 
-def compiled(by: Callable[..., Any] = numba.njit, **options: Any) -> Callable[[F], F]:
-    """Return what has Numba compile a function when it is first called, its machine code kept if it can be.
+def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: Any) -> Callable[[F], F]:
+    """Return what has Numba compile a function, its machine code kept if it can be.
 
+    It does so now, one process at a time, if its arguments' kinds are given, else when it is first called.
     Numba's own cache knows nothing of other modules' functions in it: so its folder is named by the sources
     of the function's package and this one.
     """
 
     def decorate(function: F) -> F:
         package = Path(str(sys.modules[function.__module__.partition(".")[0]].__file__)).parent
+        given = (kinds,) if kinds else ()
         try:
             folder = private_folder() / f"numba-{digest_of(package)}"
         except (FolderRefused, OSError):
-            return cast(F, by(**options)(function))
-        with patch.object(numba.config, "CACHE_DIR", str(folder)):
-            return cast(F, by(**options, cache=True)(function))
+            return cast(F, by(*given, **options)(function))
+        with patch.object(numba.config, "CACHE_DIR", str(folder)), alone() if kinds else nullcontext():
+            return cast(F, by(*given, **options, cache=True)(function))
 
     return decorate
 
@@ -294,7 +297,7 @@ def digest_of(folder: Path) -> str:
 def piece() -> Any:
     """Return the function that looks a table up, for the tapes' calls of this name."""
 
-    @compiled(partial(numba.cfunc, float64(ARRAY, *[float64] * 4, ARRAY)))
+    @compiled(by=partial(numba.cfunc, float64(ARRAY, *[float64] * 4, ARRAY)))
     def look_up(p, place, pieces, period, x, out):  # type: ignore[no-untyped-def]
         """Store in ``out`` x from the begin of its piece on, and the row that the piece has at p + place."""
         first, low, high = int(place), 0, int(pieces)
