@@ -1,12 +1,10 @@
 """The truth of crank-sliders, pendulums and wheels against closed forms and published numbers."""
 
-import math
-
 import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
 
-from engine_models.engine import FloatArray, SimulationFailed, Trajectory
+from engine_models.engine import SimulationFailed, Trajectory
 from engine_models.scene.format import Drive, FluctuatingDrive, MotorDrive, RampDrive, TableDrive
 from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
@@ -165,37 +163,6 @@ def test_a_rod_as_long_as_the_crank_goes_through_its_fold_free_and_has_no_truth_
     np.testing.assert_allclose(truth.position[:, -1, 0], 0.1 * np.cos(theta), atol=RIGHT)
     with pytest.raises(SimulationFailed, match=r"at t = 0\.00[0-9]+ s: the drive has come to"):
         truth_of(driven)
-
-
-WHEELS = [
-    name
-    for name, case in gallery().items()
-    if (joint := case.scene.clearance.get("O"))
-    and joint.law == "rigid"
-    and not (case.scene.is_crank_slider or joint.friction or name == "start on the wall")
-]
-
-
-def bouncing(scene: Scene, time_s: FloatArray) -> FloatArray:
-    """Return the height (n,) in m of a wheel let go in the middle of its rigid bearing, by Newton's law."""
-    wall, g = scene.clearances["O"], -scene.gravity[1]
-    c, touch = wall.radial_clearance_m, math.sqrt(2 * wall.radial_clearance_m / g)
-    height, speed = np.where(time_s < touch, -g * time_s**2 / 2, -c), g * touch
-    for _ in range(80):
-        speed *= wall.restitution or 0.0
-        since = time_s - touch
-        height = np.where(since > 0, -c + np.maximum(speed * since - g * since**2 / 2, 0.0), height)
-        touch += 2 * speed / g
-    return height
-
-
-@pytest.mark.parametrize("name", WHEELS)
-def test_a_dropped_wheel_bounces_as_by_hand(name: str) -> None:
-    scene = gallery()[name].scene
-    truth = converged(scene, 120)[0]
-    height = bouncing(scene, truth.time_s)
-    off = np.abs(truth.position[:, 0, 1] - height).max() / np.ptp(height)
-    assert off < 1e-8, f"{off:.1e} of the height"  # errors grow from bounce to bounce
 
 
 def test_a_wheel_on_a_dry_bearing_is_braked_evenly() -> None:
