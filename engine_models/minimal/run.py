@@ -208,7 +208,7 @@ class Run(Recording):
                 self._pause = spent + PAUSE
             self.steps += 1
             model(solver.t, solver.y)
-            self._interpolant = None
+            (now, steep), self._interpolant = model.told[-2:].tolist(), None
             event = self._first_event(t, before)
             self.t, self.y = solver.t, solver.y.copy()
             if event is not None:
@@ -221,7 +221,7 @@ class Run(Recording):
                 self._answer(event)
                 break
             self._first_step_s = solver.step_size
-            if self._must_choose(determinant, solver.step_size):
+            if self._must_choose(determinant, now, steep, solver.step_size):
                 break
         else:
             self._first_step_s = max(solver.step_size, self._first_step_s or 0.0)
@@ -236,12 +236,13 @@ class Run(Recording):
             return SimulationFailed(f"{self.choice.max_evaluations} {reached}: {advice}")
         return EngineFailed(f"{self.choice.method} stopped at t = {self.t:.6g} s: {message.rstrip('.')}")
 
-    def _must_choose(self, before: float, step_s: float) -> bool:
+    def _must_choose(self, before: float, now: float, steep: float, step_s: float) -> bool:
         """Return whether the solver is to begin anew: with other coordinates, or with a shorter step.
 
-        No step is longer than half the way to where rows would be singular, so that none passes that.
+        The determinants, ``before`` the last step and ``now``, are those of one choice of coordinates. No
+        step is longer than half the way to where rows would be singular, so that none passes that.
         """
-        model, now, steep = self.model, float(self.model.told[-2]), float(self.model.told[-1])
+        model = self.model
         self._largest = max(self._largest, abs(before))
         fallen = abs(now) < FALLEN * self._largest
         if not now / before > 0 or (fallen and model.condition(self.t, self.y) < SINGULAR):
