@@ -15,11 +15,10 @@ from engine_models.scene.scene import Scene
 from reports.comparison import write_comparison
 from reports.results import Results, read_study
 from reports.standings import Standings, sentences, standings_table
-from studies.case import Case, provenance
+from studies.case import Case
 from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, ask, cases
 from studies.failures import BadInput, Failed, progress_console, writing
 from studies.runner import run_cases
-from studies.store import Store
 from studies.whole_file import require_folder, write_whole
 from studies.workers import Ended, Pool
 
@@ -88,31 +87,30 @@ def compare_engines(
     """Run the cases of a comparison that a folder lacks and return it; see ``library.compare``."""
     with writing("out", folder):
         require_folder(folder)
-    with Store(folder) as store, store.held():
-        try:
-            with progress_console().status(f"reference solution of {scene.name}"):
-                question = pool.run(ask, scene, error, signal, limit_s=TRUTH_LIMIT_S)
-        except UnsupportedScene as reason:
-            expected = "a scene that has a reference solution"
-            raise BadInput(f"scene: expected {expected}, got {scene.name}: {reason}") from None
-        except (SimulationFailed, Ended) as reason:
-            raise Failed(f"the reference solution of {scene.name} was not found: {reason}") from None
-        wanted = {case.key: case for case in cases(scene, question, engines)}
-        store.describe(NAME, provenance(False, wanted.values()))
-        run_cases({NAME: [*wanted.values()]}, store, pool)
-        results = read_study(folder, NAME)
-        rows = results.rows[results.rows["case"].isin(wanted)].dropna(axis="columns", how="all")
-        rows = rows.assign(label=rows["label"].cat.remove_unused_categories())
-        comparison = Comparison(scene, replace(results, rows=rows), None, given, folder)
-        standings = comparison.standings
-        if not (standings.recorded["status"] == "ok").any():
-            reasons = " ".join(standings.not_run)
-            if (standings.recorded["status"] == "unsupported").all():
-                raise BadInput(f"engine: expected one that can run this scene, got: {reasons}")
-            raise Failed(f"no engine finished a run of this scene: {reasons}")
-        if (chosen := standings.chosen) is None:
-            return comparison
-        return replace(comparison, run=_shown(wanted[str(standings.recorded["case"][chosen.Index])], pool))
+    try:
+        with progress_console().status(f"reference solution of {scene.name}"):
+            question = pool.run(ask, scene, error, signal, limit_s=TRUTH_LIMIT_S)
+    except UnsupportedScene as reason:
+        expected = "a scene that has a reference solution"
+        raise BadInput(f"scene: expected {expected}, got {scene.name}: {reason}") from None
+    except (SimulationFailed, Ended) as reason:
+        raise Failed(f"the reference solution of {scene.name} was not found: {reason}") from None
+    wanted = {case.key: case for case in cases(scene, question, engines)}
+    with writing("out", folder):
+        run_cases({NAME: [*wanted.values()]}, folder, pool)
+    results = read_study(folder, NAME)
+    rows = results.rows[results.rows["case"].isin(wanted)].dropna(axis="columns", how="all")
+    rows = rows.assign(label=rows["label"].cat.remove_unused_categories())
+    comparison = Comparison(scene, replace(results, rows=rows), None, given, folder)
+    standings = comparison.standings
+    if not (standings.recorded["status"] == "ok").any():
+        reasons = " ".join(standings.not_run)
+        if (standings.recorded["status"] == "unsupported").all():
+            raise BadInput(f"engine: expected one that can run this scene, got: {reasons}")
+        raise Failed(f"no engine finished a run of this scene: {reasons}")
+    if (chosen := standings.chosen) is None:
+        return comparison
+    return replace(comparison, run=_shown(wanted[str(standings.recorded["case"][chosen.Index])], pool))
 
 
 def _shown(case: Case, pool: Pool) -> Run | None:

@@ -8,28 +8,25 @@ import os
 import pickle
 import signal
 import sys
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
 from multiprocessing import current_process, get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from queue import SimpleQueue
+from queue import LifoQueue
 from tempfile import NamedTemporaryFile
 from threading import Lock, Thread
 from typing import Any, TypeVar
 
-from studies.failures import Failed
+from engine_models.engine import SimulationFailed, UnsupportedScene
+from studies.failures import BadInput, Failed, bug
 
 T = TypeVar("T")
 #: How a call ended whose process did: by its own doing, at its limit, or by somebody else's.
 CRASHED, TIMED_OUT, KILLED = "crashed", "timed out", "killed from outside"
 #: Signals that no solver sends to itself: the kernel short of memory does, and people do.
-FROM_OUTSIDE = {
-    signal.SIGTERM,
-    signal.SIGINT,
-    *(getattr(signal, f"SIG{n}", 0) for n in ("KILL", "HUP", "QUIT")),
-}
+FROM_OUTSIDE = ("SIGTERM", "SIGINT", "SIGKILL", "SIGHUP", "SIGQUIT")
 #: A process that has not imported what a call needs within this time never will; one that has closed its pipe
 #: is dead within that time, in s.
 BEGINNING_S, DYING_S = 600.0, 5.0
@@ -55,11 +52,11 @@ class Ended(Exception):
 
 
 class Worker:
-    """One process after another, each started when a call first needs it."""
+    """One process after another, each started when a call first needs it; one call at a time."""
 
     def __init__(self) -> None:
         self._process: Any = None
-        self._closed, self._busy = False, Lock()
+        self._closed = False
 
     def run(self, call: Callable[..., T], *args: object, limit_s: float) -> T:
         """Return what a call returns in the process, or raise what it raises.
@@ -71,27 +68,22 @@ class Worker:
             Ended: the process died of the call, exceeded the limit, or was killed.
             Failed: no process can begin.
         """
-        with self._busy:
-            used = self._process is not None
-            try:
-                return self._run(call, args, limit_s)
-            except Ended as end:
-                if self._closed or not used or end.status in (TIMED_OUT, KILLED):
-                    raise
+        used = self._process is not None
+        try:
             return self._run(call, args, limit_s)
+        except Ended as end:
+            if not used or end.status in (TIMED_OUT, KILLED):
+                raise
+        return self._run(call, args, limit_s)
 
-    def close(self) -> None:
+    def kill(self) -> None:
         """End the process, whatever it does, and start no other."""
-        self._closed = True
-        if (process := self._process) is not None:
-            process.kill()
-        with self._busy:
+        with _CHILDREN:
+            self._closed = True
             if self._process is not None:
-                self._end()
+                self._process.kill()
 
     def _run(self, call: Callable[..., T], args: tuple[object, ...], limit_s: float) -> T:
-        if self._closed:
-            raise Ended(KILLED, "the run has ended")
         if self._process is None:
             self._begin()
         begun, answer = False, b""
@@ -100,14 +92,11 @@ class Worker:
             while not answer:  # of no bytes it says that the call begins
                 limit = limit_s if begun else BEGINNING_S
                 if not self._pipe.poll(limit):
-                    self._end()
+                    self.end()
                     raise Ended(TIMED_OUT, f"not finished within the limit of {limit:g} s")
                 answer, begun = self._pipe.recv_bytes(), True
         except (EOFError, OSError):
-            end = self._death()
-            if not begun and end.status != KILLED:
-                raise Failed(f"no process can begin: {end}") from None
-            raise end from None
+            raise self._death(begun) from None
         value: T
         value, error = pickle.loads(answer)
         if error is not None:
@@ -116,38 +105,43 @@ class Worker:
 
     def _begin(self) -> None:
         context = get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        self._words = NamedTemporaryFile(prefix="crankslider-")  # noqa: SIM115  it lives as long as the process
-        process = context.Process(target=_serve, args=(theirs, self._words.name), daemon=True)
         with _starting():
+            if self._closed:
+                raise Ended(KILLED, "the run has ended")
+            self._pipe, theirs = context.Pipe()
+            self._words = NamedTemporaryFile(prefix="crankslider-")  # noqa: SIM115  as long as the process
+            process = context.Process(target=_serve, args=(theirs, self._words.name), daemon=True)
             process.start()
+            self._process = process
         theirs.close()
-        self._process = process
 
-    def _end(self) -> int:
-        """End the process and return its exit code."""
+    def end(self) -> int | None:
+        """End the process, if there is one, and return its exit code."""
         process, self._process = self._process, None
+        if process is None:
+            return None
         with _CHILDREN:
-            process.join(0)
-            if process.exitcode is None:
-                process.kill()
-                process.join()
+            process.kill()
+            process.join()
         self._pipe.close()
         self._words.close()
         return int(process.exitcode)
 
-    def _death(self) -> Ended:
+    def _death(self, begun: bool) -> Exception:
         """Return how a process ended that has closed its pipe."""
         self._process.join(DYING_S)
         said = Path(self._words.name).read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        code = self._end()
+        code = self.end() or 0
         if code == NO_MAIN_GUARD:
             guard = 'if __name__ == "__main__":'
-            reason = f"script: expected this call under {guard}, since every process imports the script"
-            raise Failed(reason) from None
-        how = f"ended with exit code {code}" if code >= 0 else f"killed by {signal.Signals(-code).name}"
-        reason = f"{how}: {said[-1][:SHOWN_WORDS]}" if said else how
-        return Ended(KILLED if -code in FROM_OUTSIDE else CRASHED, reason)
+            return Failed(f"script: expected this call under {guard}, since every process imports the script")
+        name = signal.Signals(-code).name if code < 0 else ""
+        reason = f"killed by {name}" if name else f"ended with exit code {code}"
+        if said:
+            reason += f": {said[-1][:SHOWN_WORDS]}"
+        if name in FROM_OUTSIDE:
+            return Ended(KILLED, reason)
+        return Ended(CRASHED, reason) if begun else Failed(f"no process can begin: {reason}")
 
 
 class Pool:
@@ -158,18 +152,29 @@ class Pool:
             sys.exit(NO_MAIN_GUARD)
         with _starting():
             resource_tracker.ensure_running()  # later it would lift a thread's block of SIGINT as it starts
+        self._threads, self._free = ThreadPoolExecutor(jobs), LifoQueue[Worker]()
         self._workers = [Worker() for _ in range(jobs)]
+        for worker in self._workers:
+            self._free.put(worker)
 
     def __enter__(self) -> "Pool":
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._threads.shutdown(wait=False, cancel_futures=True)
         for worker in self._workers:
-            worker.close()
+            worker.kill()
+        self._threads.shutdown()
+        for worker in self._workers:
+            worker.end()
 
     def run(self, call: Callable[..., T], *args: object, limit_s: float) -> T:
         """Return what one call returns (see ``Worker.run``)."""
-        return self._workers[0].run(call, *args, limit_s=limit_s)
+        worker = self._free.get()
+        try:
+            return worker.run(call, *args, limit_s=limit_s)
+        finally:
+            self._free.put(worker)
 
     def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
         """Yield every item, which has a ``limit_s``, and what its call gave, as it ends.
@@ -177,29 +182,17 @@ class Pool:
         Raises:
             Exception: what a call raised other than ``Ended``.
         """
-        waiting, done = deque(items), SimpleQueue[tuple[Any, Any]]()
-        count = len(waiting)
-
-        def work(worker: Worker) -> None:
-            with suppress(IndexError):  # none is left
-                while True:
-                    item = waiting.popleft()
-                    try:
-                        result: Any = worker.run(call, item, limit_s=item.limit_s)
-                    except BaseException as error:
-                        result = error
-                    done.put((item, result))
-
-        for worker in self._workers[:count]:
-            Thread(target=work, args=(worker,), daemon=True).start()
+        submit = self._threads.submit
+        futures = {submit(self.run, call, item, limit_s=item.limit_s): item for item in items}
         try:
-            for _ in range(count):
-                item, result = done.get()
-                if isinstance(result, BaseException) and not isinstance(result, Ended):
-                    raise result
-                yield item, result
+            for future in as_completed([*futures]):
+                error = future.exception()
+                if error is not None and not isinstance(error, Ended):
+                    raise error
+                yield futures.pop(future), error or future.result()
         finally:
-            waiting.clear()
+            for future in futures:
+                future.cancel()
 
 
 @contextmanager
@@ -209,18 +202,15 @@ def _starting() -> Iterator[None]:
     A file of the user's there, ``array.py``, would take the place of Python's own module. What this process
     has in its path it has too, once it has begun.
     """
-    with _CHILDREN:
-        before = os.environ.get(SAFE_PATH)
-        os.environ[SAFE_PATH] = "1"
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if os.name == "posix" else ()
-        try:
-            yield
-        finally:
-            if os.name == "posix":
-                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-            os.environ.pop(SAFE_PATH)
-            if before is not None:
-                os.environ[SAFE_PATH] = before
+    with ExitStack() as stack:
+        stack.enter_context(_CHILDREN)
+        if SAFE_PATH not in os.environ:
+            os.environ[SAFE_PATH] = "1"
+            stack.callback(os.environ.pop, SAFE_PATH)
+        if os.name == "posix":
+            mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            stack.callback(signal.pthread_sigmask, signal.SIG_SETMASK, mask)
+        yield
 
 
 def _serve(calls: Connection, words: str) -> None:
@@ -238,23 +228,16 @@ def _serve(calls: Connection, words: str) -> None:
         except EOFError:
             return
         os.ftruncate(2, 0)
+        call, args = pickle.loads(message)
+        calls.send_bytes(b"")
+        answer: tuple[Any, Exception | None]
         try:
-            call, args = pickle.loads(message)
-            calls.send_bytes(b"")
-            answer = pickle.dumps((call(*args), None))
-        except Exception as error:
-            answer = _pickled(error)
-        calls.send_bytes(answer)
-
-
-def _pickled(error: Exception) -> bytes:
-    """Return an exception as bytes, one that cannot be so by its name and message."""
-    try:
-        content = pickle.dumps((None, error))
-        pickle.loads(content)
-    except Exception:
-        content = pickle.dumps((None, Failed(f"{type(error).__name__}: {error}")))
-    return content
+            answer = call(*args), None
+        except (BadInput, Failed, SimulationFailed, UnsupportedScene) as error:
+            answer = None, error
+        except Exception as error:  # which may be none that can be sent
+            answer = None, Failed(bug(error))
+        calls.send_bytes(pickle.dumps(answer))
 
 
 def _end_with_parent() -> None:
