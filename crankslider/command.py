@@ -380,7 +380,7 @@ def report(results: str = "results", out: str = "report", against: str | None = 
 
     from reports.contents import CHAPTERS
     from reports.page import Contradiction, read_claims, require_replaceable, write_report
-    from studies.whole_file import require_folder, whole_folder
+    from studies.whole_file import whole_folder
 
     place = Path(out)
     try:
@@ -388,7 +388,6 @@ def report(results: str = "results", out: str = "report", against: str | None = 
     except (OSError, ValueError, LookupError, TypeError) as reason:
         raise BadInput(f"against: expected the folder of a report, got '{reason}'") from None
     with writing("out", place):
-        require_folder(place)
         require_replaceable(place)
         try:
             with whole_folder(place) as new:

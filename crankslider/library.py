@@ -7,7 +7,8 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import mkdtemp
@@ -36,8 +37,7 @@ from engine_models.scene.plain_words import (
     unknown,
 )
 from engine_models.scene.scene import Scene
-from studies.failures import BadInput, Failed, writing
-from studies.whole_file import require_folder
+from studies.failures import BadInput, Failed, progress_console, writing
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -66,6 +66,8 @@ Named = Mapping[str, object]
 Values = Annotated[str | Sequence[float], expect("a string or a list of numbers")]
 #: What runs in all engines, in reference solutions and in studies.
 DEFAULT_STEP_S = 1e-5
+#: The output intervals of the run that a comparison shows.
+SHOWN_SAMPLES = 400
 #: A step below this part of the end time is lost to the rounding of time.
 SHORTEST_STEP_PART = 1e-12
 
@@ -202,17 +204,17 @@ def _warned(run: Run) -> Run:
 
 
 @contextmanager
-def refusing() -> Iterator[None]:
-    """Turn what an engine raises in the block into ``BadInput`` or ``Failed``."""
+def refusing(solution: str = "") -> Iterator[None]:
+    """Turn what an engine raises in the block into ``BadInput`` or ``Failed``; no ``solution`` is Failed."""
     from reference_solver.kept_files import FolderRefused
 
     try:
         yield
-    except SimulationFailed as reason:
-        raise Failed(str(reason)) from None
     except FolderRefused as reason:
         raise BadInput(str(reason)) from None
-    except UnsupportedScene as reason:
+    except (SimulationFailed, UnsupportedScene) as reason:
+        if solution or isinstance(reason, SimulationFailed):
+            raise Failed(f"{solution}{reason}") from None
         text = f"engine: expected one that can run this scene, got '{reason}'"
         own = str(reason).startswith(("start: ", "samples: ", "step: "))
         raise BadInput(str(reason) if own else text) from None
@@ -235,7 +237,9 @@ def truth(scene: SomeScene, *, end: Seconds | None = None, samples: Samples = 12
     """
     from crankslider.reference_solutions import reference_solution
 
-    return _warned(reference_solution(read_scene(scene, end=end), samples))
+    physics = read_scene(scene, end=end)
+    with refusing("no reference solution was found: "):
+        return _warned(reference_solution(physics, samples))
 
 
 @check_arguments
@@ -252,7 +256,7 @@ def compare(
 
     Engines are judged by the largest error of a signal. The one is recommended that is at or below the error
     asked for at the least run time; both have defaults for the scene. A second call resumes in the folder.
-    ``given`` is the scene as typed in a command. In a script, call this under ``if __name__ == "__main__":``.
+    ``given`` is the scene as typed in a command.
 
     Args:
         engines: only this engine; repeat for more; your own: my_module:MyEngine.
@@ -264,14 +268,46 @@ def compare(
         BadInput: an argument or the scene is refused, it has no reference solution, or no engine can run it.
         Failed: the reference solution was not found, or no engine finished.
     """
-    from crankslider.comparing import compare_engines
+    from crankslider.comparing import Comparison
+    from reports.results import read_study
+    from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, ask, cases
+    from studies.runner import run_cases
+    from studies.workers import Ended
 
     join_engines(engines)
     physics = read_scene(scene)
-    place = Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", physics.name)) if out is None else Path(out)
-    given = given or str(getattr(scene, "name", scene))
-    with _workers() as pool:
-        return compare_engines(physics, given, engines, place, pool, error, signal)
+    folder = Path(out or Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", physics.name)))
+    with _workers() as pool, writing("out", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            with progress_console().status(f"reference solution of {physics.name}"):
+                question = pool.run(ask, physics, error, signal, limit_s=TRUTH_LIMIT_S)
+        except UnsupportedScene as reason:
+            expected = "a scene that has a reference solution"
+            raise BadInput(f"scene: expected {expected}, got {physics.name}: {reason}") from None
+        except (SimulationFailed, Ended) as reason:
+            raise Failed(f"the reference solution of {physics.name} was not found: {reason}") from None
+        wanted = {case.key: case for case in cases(physics, question, engines)}
+        run_cases({NAME: [*wanted.values()]}, folder, pool)
+        results = read_study(folder, NAME)
+        rows = results.rows[results.rows["case"].isin(wanted)].dropna(axis="columns", how="all")
+        results = replace(results, rows=rows.assign(label=rows["label"].cat.remove_unused_categories()))
+        compared = Comparison(physics, results, given or str(getattr(scene, "name", scene)), folder)
+        recorded, chosen = compared.standings.recorded, compared.standings.chosen
+        if not (recorded["status"] == "ok").any():
+            reasons = " ".join(compared.standings.not_run)
+            if (recorded["status"] == "unsupported").all():
+                raise BadInput(f"engine: expected one that can run this scene, got: {reasons}")
+            raise Failed(f"no engine finished a run of this scene: {reasons}")
+        if chosen is not None:
+            case = wanted[str(recorded["case"][chosen.Index])]
+            settings = RunSettings(case.run.step_used_s(physics.end_time_s), SHOWN_SAMPLES)
+            recommended = engine_class(case.engine)(**case.settings)
+            with suppress(UnsupportedScene, SimulationFailed, Ended):
+                call = type(recommended).simulate, recommended, physics, settings
+                run = Run(physics, case.engine, recommended, pool.run(*call, limit_s=LIMIT_S))
+                compared = replace(compared, run=run)
+        return compared
 
 
 def join_engines(engines: Sequence[str]) -> None:
@@ -305,7 +341,7 @@ def sweep(
 
     A member runs for a transient, then revolutions that are evaluated, of the turning body at its start's
     speed; without one, a revolution is the scene's end time. An interrupted sweep resumes from the
-    folder ``out``.rows. In a script, call this under ``if __name__ == "__main__":``.
+    folder ``out``.rows.
 
     Args:
         vary: values of a field: LOW:HIGH[:log][:COUNT] or a list, 0.1mm,0.2mm; repeat for a grid.
@@ -396,7 +432,7 @@ def run_studies(
     join_engines(engines)
     folder = Path(out)
     with writing("out", folder), _workers(jobs, scheduler) as workers:
-        require_folder(folder)
+        folder.mkdir(parents=True, exist_ok=True)
         cases = {name: load_study(name).cases(full) for name in studies or STUDIES}
         run_cases(cases, folder, workers, full, engines, retry_failed)
 

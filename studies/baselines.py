@@ -22,7 +22,7 @@ from studies.failures import BadInput, Failed, log, progress_console, writing
 from studies.judges.comparison import Judged, compared, judged
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
 from studies.judges.metrics import energy_balance_residual_J, is_force, sizes
-from studies.whole_file import require_folder, write_whole
+from studies.whole_file import write_whole
 from studies.workers import Ended, Pool
 
 FOLDER, FILE = Path(__file__).parent, "baselines.csv"
@@ -164,7 +164,7 @@ def require_baselines(folder: Path, accept: bool, why: str | None) -> None:
         raise BadInput(f"why: expected a reason with accept, got {got}")
     if accept:
         with writing("baselines", folder):
-            require_folder(folder)
+            folder.mkdir(parents=True, exist_ok=True)
     else:
         read(folder)
 
@@ -179,7 +179,6 @@ def compare_or_accept(engines: Collection[str], folder: Path, why: str | None) -
         return lines
     text = measured.to_csv(index=False, float_format="%.4g", lineterminator="\n")
     with writing("baselines", folder):
-        folder.mkdir(parents=True, exist_ok=True)
         write_whole(folder / FILE, f"# {' '.join(why.split())}\n{text}".encode())
     log.info(f"{count} numbers are accepted")
     return []

@@ -4,7 +4,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
-from multiprocessing import current_process
 from threading import local
 from typing import Any, TypeVar
 
@@ -83,7 +82,6 @@ class Cluster:
 
 def _contained(call: Callable[[Any], T], item: Any) -> T | Ended:
     """Run a call on a Dask worker's thread, in a process of its own."""
-    current_process().daemon = False  # a nanny's workers may have no children; ours end with them
     if not hasattr(_OWN, "worker"):
         _OWN.worker = Worker()
     try:

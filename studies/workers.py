@@ -1,22 +1,20 @@
 """Calls in processes of this machine; the death of a process, or its time limit, is the affair of one call.
 
 Not ``concurrent.futures.ProcessPoolExecutor``, which breaks for every call when one process dies. Here every
-process has a pipe of its own.
+process has pipes of its own. None imports the script that calls for it.
 """
 
+import ctypes
 import os
 import pickle
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import ExitStack, contextmanager
-from multiprocessing import current_process, get_context, parent_process, resource_tracker
-from multiprocessing.connection import Connection, wait
-from pathlib import Path
 from queue import LifoQueue
-from tempfile import NamedTemporaryFile
-from threading import Lock, Thread
+from tempfile import TemporaryFile
+from threading import Event, Timer
 from typing import Any, TypeVar
 
 from engine_models.engine import SimulationFailed, UnsupportedScene
@@ -30,14 +28,13 @@ FROM_OUTSIDE = ("SIGTERM", "SIGINT", "SIGKILL", "SIGHUP", "SIGQUIT")
 #: A process that has not imported what a call needs within this time never will; one that has closed its pipe
 #: is dead within that time, in s.
 BEGINNING_S, DYING_S = 600.0, 5.0
-#: The exit code of a process that imports a script which calls for processes itself.
-NO_MAIN_GUARD = 113
-#: What keeps the current folder out of the path of a Python that starts, from 3.11 on.
-SAFE_PATH = "PYTHONSAFEPATH"
 #: Of the last line that a process said, so many characters are told.
 SHOWN_WORDS = 200
-#: Held while a child begins or ends: two threads at once would take each other's exit codes.
-_CHILDREN = Lock()
+#: What a process begins with: before it imports anything it has our path, so that no file in the current
+#: folder, such as ``array.py``, takes the place of a module of Python's.
+BEGIN = "import sys; sys.path[:] = sys.argv[2:]; from studies.workers import serve; serve(int(sys.argv[1]))"
+#: The option of Linux's prctl by which the kernel ends a process whose parent is no more.
+PR_SET_PDEATHSIG = 1
 
 
 class Ended(Exception):
@@ -55,7 +52,7 @@ class Worker:
     """One process after another, each started when a call first needs it; one call at a time."""
 
     def __init__(self) -> None:
-        self._process: Any = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._closed = False
 
     def run(self, call: Callable[..., T], *args: object, limit_s: float) -> T:
@@ -76,65 +73,57 @@ class Worker:
                 raise
         return self._run(call, args, limit_s)
 
-    def kill(self) -> None:
-        """End the process, whatever it does, and start no other."""
-        with _CHILDREN:
-            self._closed = True
-            if self._process is not None:
-                self._process.kill()
-
     def _run(self, call: Callable[..., T], args: tuple[object, ...], limit_s: float) -> T:
         if self._process is None:
-            self._begin()
-        begun, answer = False, b""
+            self._words = TemporaryFile("a+b")  # noqa: SIM115  it lives as long as the process
+            command = [sys.executable, "-c", BEGIN, str(os.getpid()), *sys.path]
+            pipe = subprocess.PIPE
+            self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=self._words)
+        if self._closed:
+            self._process.kill()
+        process, begun = self._process, False
+        assert process.stdin is not None
         try:
-            self._pipe.send_bytes(pickle.dumps((call, args)))
-            while not answer:  # of no bytes it says that the call begins
-                limit = limit_s if begun else BEGINNING_S
-                if not self._pipe.poll(limit):
-                    self.end()
-                    raise Ended(TIMED_OUT, f"not finished within the limit of {limit:g} s")
-                answer, begun = self._pipe.recv_bytes(), True
-        except (EOFError, OSError):
-            raise self._death(begun) from None
-        value: T
-        value, error = pickle.loads(answer)
+            pickle.dump((call, args), process.stdin)
+            process.stdin.flush()
+            self._answer(process, BEGINNING_S)
+            begun = True
+            value, error = self._answer(process, limit_s)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            raise self._death(process, begun) from None
         if error is not None:
             raise error
-        return value
+        return value  # type: ignore[no-any-return]
 
-    def _begin(self) -> None:
-        context = get_context("spawn")
-        with _starting():
-            if self._closed:
-                raise Ended(KILLED, "the run has ended")
-            self._pipe, theirs = context.Pipe()
-            self._words = NamedTemporaryFile(prefix="crankslider-")  # noqa: SIM115  as long as the process
-            process = context.Process(target=_serve, args=(theirs, self._words.name), daemon=True)
-            process.start()
-            self._process = process
-        theirs.close()
+    def _answer(self, process: "subprocess.Popen[bytes]", limit_s: float) -> Any:
+        """Return what a process answers next; it is killed at the limit."""
+        late = Event()
 
-    def end(self) -> int | None:
-        """End the process, if there is one, and return its exit code."""
-        process, self._process = self._process, None
-        if process is None:
-            return None
-        with _CHILDREN:
+        def expire() -> None:
+            late.set()
             process.kill()
-            process.join()
-        self._pipe.close()
-        self._words.close()
-        return int(process.exitcode)
 
-    def _death(self, begun: bool) -> Exception:
+        timer = Timer(limit_s, expire)
+        timer.start()
+        try:
+            return pickle.load(process.stdout)  # type: ignore[arg-type]
+        except EOFError:
+            if late.is_set():
+                self.close()
+                raise Ended(TIMED_OUT, f"not finished within the limit of {limit_s:g} s") from None
+            raise
+        finally:
+            timer.cancel()
+
+    def _death(self, process: "subprocess.Popen[bytes]", begun: bool) -> Exception:
         """Return how a process ended that has closed its pipe."""
-        self._process.join(DYING_S)
-        said = Path(self._words.name).read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        code = self.end() or 0
-        if code == NO_MAIN_GUARD:
-            guard = 'if __name__ == "__main__":'
-            return Failed(f"script: expected this call under {guard}, since every process imports the script")
+        try:
+            code = process.wait(DYING_S)
+        except subprocess.TimeoutExpired:
+            code = -signal.SIGKILL
+        self._words.seek(0)
+        said = self._words.read().decode("utf-8", "replace").strip().splitlines()
+        self.close()
         name = signal.Signals(-code).name if code < 0 else ""
         reason = f"killed by {name}" if name else f"ended with exit code {code}"
         if said:
@@ -143,15 +132,25 @@ class Worker:
             return Ended(KILLED, reason)
         return Ended(CRASHED, reason) if begun else Failed(f"no process can begin: {reason}")
 
+    def kill(self) -> None:
+        """End the process, whatever it does, and every other one that a call begins."""
+        self._closed = True
+        if (process := self._process) is not None:
+            process.kill()
+
+    def close(self) -> None:
+        """End the process, if there is one, and let go of its files."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.communicate()
+            self._words.close()
+            self._process = None
+
 
 class Pool:
     """Up to ``jobs`` workers; a call goes to whichever is free. Leaving the block ends them all."""
 
     def __init__(self, jobs: int) -> None:
-        if current_process().name != "MainProcess" and parent_process() is None:  # one that is only beginning
-            sys.exit(NO_MAIN_GUARD)
-        with _starting():
-            resource_tracker.ensure_running()  # later it would lift a thread's block of SIGINT as it starts
         self._threads, self._free = ThreadPoolExecutor(jobs), LifoQueue[Worker]()
         self._workers = [Worker() for _ in range(jobs)]
         for worker in self._workers:
@@ -166,7 +165,7 @@ class Pool:
             worker.kill()
         self._threads.shutdown()
         for worker in self._workers:
-            worker.end()
+            worker.close()
 
     def run(self, call: Callable[..., T], *args: object, limit_s: float) -> T:
         """Return what one call returns (see ``Worker.run``)."""
@@ -195,41 +194,28 @@ class Pool:
                 future.cancel()
 
 
-@contextmanager
-def _starting() -> Iterator[None]:
-    """Start a process in the block that Ctrl-C does not reach, and without the current folder in its path.
-
-    A file of the user's there, ``array.py``, would take the place of Python's own module. What this process
-    has in its path it has too, once it has begun.
-    """
-    with ExitStack() as stack:
-        stack.enter_context(_CHILDREN)
-        if SAFE_PATH not in os.environ:
-            os.environ[SAFE_PATH] = "1"
-            stack.callback(os.environ.pop, SAFE_PATH)
-        if os.name == "posix":
-            mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-            stack.callback(signal.pthread_sigmask, signal.SIG_SETMASK, mask)
-        yield
-
-
-def _serve(calls: Connection, words: str) -> None:
-    """Answer calls with ``(value, None)`` or ``(None, error)`` until the parent closes the connection.
+def serve(parent: int) -> None:
+    """Answer calls with ``(value, None)`` or ``(None, error)`` until the parent is no more.
 
     What they print is dropped; of what they say on stderr the last line is told where the process dies.
     """
-    _end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform == "linux":  # even while native code hangs with the interpreter's lock; else after a call
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            return
     # File descriptors, not sys.stdout: native code prints too.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    os.dup2(os.open(words, os.O_WRONLY | os.O_APPEND), 2)
+    calls, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_RDWR), 0)
+    os.dup2(0, 1)
     while True:
+        os.ftruncate(2, 0)
         try:
-            message = calls.recv_bytes()
+            call, args = pickle.load(calls)
         except EOFError:
             return
-        os.ftruncate(2, 0)
-        call, args = pickle.loads(message)
-        calls.send_bytes(b"")
+        pickle.dump("it begins", answers)
+        answers.flush()
         answer: tuple[Any, Exception | None]
         try:
             answer = call(*args), None
@@ -237,21 +223,5 @@ def _serve(calls: Connection, words: str) -> None:
             answer = None, error
         except Exception as error:  # which may be none that can be sent
             answer = None, Failed(bug(error))
-        calls.send_bytes(pickle.dumps(answer))
-
-
-def _end_with_parent() -> None:
-    """End this process as soon as its parent is no more, even if that was killed."""
-    parent = parent_process()
-    if sys.platform == "linux" and parent is not None:
-        # The kernel ends us when the parent's end of this pipe closes; a thread could not do so while
-        # native code holds the interpreter's lock, for ever if it hangs.
-        import fcntl
-
-        signal.signal(signal.SIGIO, signal.SIG_DFL)
-        fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, os.getpid())
-        fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, os.O_ASYNC)
-        if wait([parent.sentinel], timeout=0):
-            os._exit(1)
-    elif parent is not None:
-        Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True).start()
+        pickle.dump(answer, answers)
+        answers.flush()
