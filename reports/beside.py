@@ -87,14 +87,15 @@ def _table(joints: str, picks: pd.DataFrame, long_runs: pd.DataFrame | None) -> 
         lines.append(line | {"on scenes": f"{of['within'].count()} of {len(of)}"})
     title = f"The engines beside the reference's RK4, {joints}"
     caption = (
-        "The setting with the smallest error among those that take at most ten times as long as the "
-        "reference's RK4 takes to be within 1 µm, or else the fastest; least and largest over the scenes. "
-        "Run times are multiples of that of this RK4 within 1 µm; the last columns are those of each "
-        f"engine's cheapest setting within 1 µm, and on how many scenes there is one. {ALONE}"
+        "Of each engine the most accurate setting in ten times the reference's RK4 time to 1 µm, which is "
+        "the unit of run times, or else the fastest; least and largest over the scenes. The last columns "
+        f"are of the cheapest setting within 1 µm. {ALONE}"
+        if joints == IDEAL
+        else "As with ideal joints."
     )
     if long_runs is not None and len(long_runs):
         turns = span([long_runs["turns"].min(), long_runs["turns"].max()], ".0f")
-        caption += f" Energy drift: the largest of the study of long runs, {turns} revolutions."
+        caption += f" Energy drift: the largest over {turns} revolutions."
     return Table(f"compared-{joints.replace(' ', '-')}", title, caption, "cost", pd.DataFrame(lines))
 
 

@@ -1,25 +1,10 @@
 """The chapters of the page, in its order. A study's own chapter is a module and a word here."""
 
-from reports import (
-    accuracy_clearance,
-    accuracy_ideal,
-    answer,
-    cost,
-    energy,
-    extremes,
-    method,
-    predictability,
-    stability,
-)
+from importlib import import_module
 
-CHAPTERS = (
-    answer.CHAPTER,
-    accuracy_ideal.CHAPTER,
-    accuracy_clearance.CHAPTER,
-    cost.CHAPTER,
-    energy.CHAPTER,
-    predictability.CHAPTER,
-    stability.CHAPTER,
-    extremes.CHAPTER,
-    method.CHAPTER,
+from reports.page import Chapter
+
+NAMES = ("answer", "accuracy_ideal", "accuracy_clearance", "cost", "energy", "predictability")
+CHAPTERS: tuple[Chapter, ...] = tuple(
+    import_module(f"reports.{name}").CHAPTER for name in (*NAMES, "stability", "extremes", "method")
 )

@@ -54,8 +54,13 @@ def parts(studies: Studies) -> Iterator[Part | None]:
         yield Claim("saturated", text, {"lost": (lost, ""), "runs": (len(finished(recorded)), "")})
     yield from _inside(studies["cost"].rows)
     ran = by_target(recorded)
+    caption = (
+        "A line is an engine with its best settings: down and to the left is better. Dashed: the error asked "
+        f"for; grey: the uncertainty of the reference solution; without a line: not ranked. {ALONE}"
+    )
     for column, of in ran.groupby("column", observed=True):
-        yield _figure(str(column), of)
+        yield _figure(str(column), of, caption)
+        caption = "Lines and marks as above."
     best = beside_base(ran)
     yield _ratios(ran, best)
     yield _by_scene(best)
@@ -71,14 +76,10 @@ def _inside(rows: pd.DataFrame) -> Iterator[Claim]:
         yield Claim(f"inside {engine}", text, {"least": (of.min(), "%"), "most": (of.max(), "%")})
 
 
-def _figure(column: str, ran: pd.DataFrame) -> Figure | None:
+def _figure(column: str, ran: pd.DataFrame, caption: str) -> Figure | None:
     scenes = [of for _, of in ran.groupby(["joints", "scene"], observed=True)]
     panels = [cost_panel(of) for of in scenes if len({*of["engine"]}) > 1]
     what = words(column)[0].replace(" error", "")
-    caption = (
-        "A line is an engine with its best settings: down and to the left is better. Dashed: the error asked "
-        f"for; grey: the uncertainty of the reference solution; without a line: not ranked. {ALONE}"
-    )
     title = f"What error in {what} does each engine reach in what run time?"
     name = f"cost-{what.replace(' ', '-')}"
     return figure_of(name, title, caption, "cost", panels, 2.4)

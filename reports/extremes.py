@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from enum import Enum
 from typing import Any
 
@@ -47,6 +48,8 @@ TOLD_SO = (Verdict.FAILED, Verdict.NOTICED)
 #: Verdicts on runs that did not go wrong, and verdicts that are statuses.
 WELL = (Verdict.RIGHT, Verdict.REFUSED, Verdict.FAILED)
 ENDED = {of.value: of for of in (Verdict.TIMED_OUT, Verdict.OUT_OF_MEMORY, Verdict.CRASHED)}
+#: The columns of the runs that are shown: those that went wrong.
+SHOWN = ["case", "configuration", "verdict", "error", "energy", "gaps", "error of"]
 #: How a failure tells its time, and to which part of the time.
 TIME, TOLD = re.compile(r"\bt = (-?\d[\d.e+-]*) s\b"), 1e-2
 
@@ -110,8 +113,10 @@ def parts(studies: Studies) -> Iterator[Claim | Table | None]:
     counts["as theory asks"] = by_label["as_wanted"].sum()
     table = counts.rename_axis("configuration").reset_index()
     yield Table("extremes-counts", "What came of the extreme cases?", "", "extremes", table)
-    yield verdicts(answered[~answered["verdict"].isin(WELL)], "wrong", "Which runs went wrong?")
-    yield verdicts(answered, "verdicts", "Every run of an extreme case", shown=False)
+    every = verdicts(answered)
+    wrong = every.rows.loc[~answered["verdict"].isin(WELL).to_numpy(), SHOWN]
+    yield replace(every, name="extremes-wrong", title="Which runs went wrong?", rows=wrong, shown=True)
+    yield every
 
 
 def wrong_without_error(counts: pd.DataFrame, factor: float) -> Claim:
@@ -123,8 +128,8 @@ def wrong_without_error(counts: pd.DataFrame, factor: float) -> Claim:
     return Claim("wrong-results", f"{text}{listed(told)} extreme cases.", numbers)
 
 
-def verdicts(answered: pd.DataFrame, name: str, title: str, shown: bool = True) -> Table:
-    """Return runs: what theory asks for, the verdict, the numbers that it rests on, the engine's reason."""
+def verdicts(answered: pd.DataFrame) -> Table:
+    """Return every run: the verdict, the numbers that it rests on, the engine's reason, and theory's word."""
     bounds = [f"{answered[f'{bound}_bound'].max():g}" for bound in JUDGED]
     caption = "Right: error up to {} of the signal, energy {} of that in play, gaps {} of the crank's length."
     table = pd.DataFrame(
@@ -140,7 +145,8 @@ def verdicts(answered: pd.DataFrame, name: str, title: str, shown: bool = True) 
         }
     )
     formats = dict.fromkeys(("error", "energy", "gaps"), number)
-    return Table(f"extremes-{name}", title, caption.format(*bounds), "extremes", table, formats, shown)
+    title, caption = "Every run of an extreme case", caption.format(*bounds)
+    return Table("extremes-verdicts", title, caption, "extremes", table, formats, shown=False)
 
 
 CHAPTER = Chapter("extremes", "Extreme cases", ("extremes",), INTRODUCTION, parts)

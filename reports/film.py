@@ -11,6 +11,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.lines import Line2D
 from matplotlib.markers import CARETUP
 from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
@@ -82,7 +83,7 @@ def film_bytes(
 
 
 class Stage:
-    """The figure of a mechanism and its forces in the n samples of a run, whose parts ``show`` moves to one.
+    """The figure of a mechanism and its forces in the n samples of a run, of which ``show`` draws one.
 
     Places are in mm. ``bodies`` are the corners of bodies (n, corners, 2), ``joints`` the centres of bearing
     and pin (n, 2), ``forces`` the place and the force in N (n, 2) of each joint, on the body named later, and
@@ -104,11 +105,29 @@ class Stage:
         places = [
             *self.bodies.values(),
             *chain(*self.joints.values()),
-            *(of for of, _ in self.forces.values()),
+            *(at for at, _ in self.forces.values()),
         ]
         extent = np.ptp(np.concatenate([each.reshape(-1, 2) for each in places]), axis=0)
         self.unit_mm = UNIT * float(np.hypot(*extent)) or 1.0
-        self._draw(scene.name)
+        self.title = scene.name
+        if self.mechanism.loose and exaggerate != 1:
+            self.title += f", clearance drawn {exaggerate:g} times as large"
+        sizes = [np.hypot(*force.T) for _, force in self.forces.values()]
+        usual_N = float(np.quantile(np.concatenate([[0.0], *sizes]), IN_LENGTH)) or 1.0
+        mm_per_N, longest_mm = ARROW * self.unit_mm / usual_N, LONGEST_ARROW * self.unit_mm
+        self.arrows = {
+            name: mm_per_N * force * (longest_mm / np.maximum(mm_per_N * size, longest_mm))[:, None]
+            for (name, (_, force)), size in zip(self.forces.items(), sizes, strict=True)
+        }
+        self.shapes = [*self._shapes()]
+        self.picture = Picture(1.0)
+        self.picture.set_layout_engine("none")  # to compute it for every picture would take longest
+        self.axes = self.picture.add_axes((0, 0, 1, 1))
+        handles = [Line2D([], [], color=colour, label=label) for label, colour in KINDS.values()]
+        scale = f"{self.unit_mm:.3g} mm are {self.unit_mm / mm_per_N:.3g} N, cut at {longest_mm:.3g} mm"
+        self.picture.legend(handles=handles, loc="lower center", ncols=2, title=f"forces: {scale}")
+        self._fit()
+        self.show(0)
 
     def pictures(self) -> Iterator[float]:
         """Show one sample after the other, and yield its time in s."""
@@ -117,10 +136,22 @@ class Stage:
             yield float(time_s)
 
     def show(self, k: int) -> None:
-        """Move everything to sample ``k``."""
-        self.clock.set_text(f"t = {self.run.time_s[k]:.6f} s")
-        for move, numbers in self.moves:
-            move(numbers[k])
+        """Draw sample ``k``."""
+        self.axes.clear()
+        self.axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal", **self.limits)
+        self.axes.set_title(self.title, loc="left")
+        self.axes.set_title(f"t = {self.run.time_s[k]:.6f} s", loc="right", family="monospace")
+        for kind, places, style in self.shapes:
+            if kind is Line2D:
+                self.axes.plot(*places[k].T, **style)
+            else:
+                self.axes.add_patch(kind(places[k] if kind is Polygon else places[k, 0], **style))
+        look: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.005, "zorder": 4}
+        for kind, (_, colour) in KINDS.items():
+            if names := [name for name in self.forces if name.startswith(kind)]:
+                places = np.array([self.forces[name][0][k] for name in names])
+                arrows = np.array([self.arrows[name][k] for name in names])
+                self.axes.quiver(*places.T, *arrows.T, color=colour, **look)
 
     def place(self, end: End) -> FloatArray:
         """Return the place of a point of a body, (n, 2), as it is drawn."""
@@ -166,102 +197,48 @@ class Stage:
             across = direction(guide, run.position)[1] * run.guide_force_N[guide.name][:, None]
             yield f"guide {guide.name} on the {names[guide.body_j]}", (self.place(_ends(guide)[1]), across)
 
-    def _draw(self, title: str) -> None:
-        self.picture = Picture(1.0)
-        self.picture.set_layout_engine("none")  # to compute it for every picture would take longest
-        self.axes = self.picture.add_axes((0, 0, 1, 1), xlabel="x [mm]", ylabel="y [mm]")
-        if self.mechanism.loose and self.exaggerate != 1:
-            title += f", clearance drawn {self.exaggerate:g} times as large"
-        self.axes.set_title(title, loc="left")
-        self.clock = self.axes.set_title("", loc="right", family="monospace")
-        self.moves, self.reached = list[tuple[Callable[[Any], object], FloatArray]](), list[FloatArray]()
-        self._draw_guides()
-        for corners in self.bodies.values():
-            self._draw_area(corners, (*mpl.colors.to_rgb(DARK), 0.15), (*mpl.colors.to_rgb(DARK), 0.55), 5)
-        for spring in self.mechanism.springs:
-            self._draw_line(
-                [*map(self.place, _ends(spring))], color="black", linestyle=":", linewidth=2, marker="o"
-            )
-        radius = PIN * self.unit_mm
-        for pin in self.mechanism.pins:
-            bearing, own = self.joints[pin.name]
-            if pin.body_i == GROUND:
-                self._draw_line([bearing], color=GREY, marker=CARETUP, markersize=11)
-            self._draw_disc(own, radius)
-            if pin.clearance:
-                gap = MM_PER_M * self.exaggerate * pin.clearance.radial_clearance_m
-                self._draw_disc(bearing, radius + gap, fill=False)
-        self._draw_forces()
-        self._fit()
-
-    def _draw_guides(self) -> None:
-        """Draw the line of each guide as long as its block or pin needs, and the block."""
-        beyond_m = BEYOND * self.unit_mm / MM_PER_M
+    def _shapes(self) -> Iterator[tuple[Any, FloatArray, dict[str, Any]]]:
+        """Yield all that is drawn: what it is, its places (n, points, 2), and its style."""
+        radius, beyond_m = PIN * self.unit_mm, BEYOND * self.unit_mm / MM_PER_M
+        disc: dict[str, Any] = {"facecolor": "white", "edgecolor": "black", "zorder": 3, "radius": radius}
         for guide in self.mechanism.guides:
             along, _ = way(guide, self.run.position, self.run.velocity)
-            (x, y), angle = guide.point_i, guide.angle_rad
-            ends = [
-                self.place((guide.body_i, (x + float(np.cos(angle)) * at, y + float(np.sin(angle)) * at)))
-                for at in (along.min() - beyond_m, along.max() + beyond_m)
-            ]
-            self._draw_line(ends, color=GREY, linewidth=0.8)
-            centre = self.place(_ends(guide)[1])
+            (x, y), (cos, sin) = guide.point_i, (np.cos(guide.angle_rad), np.sin(guide.angle_rad))
+            reach = along.min() - beyond_m, along.max() + beyond_m
+            ends = [self.place((guide.body_i, (x + cos * at, y + sin * at))) for at in reach]
+            yield Line2D, np.stack(ends, axis=1), {"color": GREY, "linewidth": 0.8}
+            centre = self.place(_ends(guide)[1])[:, None]
             if guide.turns:
-                self._draw_disc(centre, PIN * self.unit_mm)
+                yield Circle, centre, disc
             else:
                 axes = np.stack(direction(guide, self.run.position), axis=1)
-                self._draw_area(centre[:, None] + self.unit_mm * CORNERS @ axes, LIGHT, DARK, 1)
-
-    def _follow(self, move: Callable[[Any], object], places: FloatArray, around: float = 0.0) -> None:
-        """Have something moved to its place in a sample, and room around it."""
-        self.moves.append((move, places))
-        self.reached += [places - around, places + around]
-
-    def _draw_line(self, ends: list[FloatArray], **style: Any) -> None:
-        (line,) = self.axes.plot([], [], **style)
-        self._follow(lambda points: line.set_data(*points.T), np.stack(ends, axis=1))
-
-    def _draw_area(self, corners: FloatArray, face: Any, edge: Any, width: float) -> None:
-        style: dict[str, Any] = {"facecolor": face, "edgecolor": edge, "linewidth": width, "zorder": 2}
-        area = Polygon(corners[0], joinstyle="round", **style)
-        self.axes.add_patch(area)
-        self._follow(area.set_xy, corners)
-
-    def _draw_disc(self, centre: FloatArray, radius: float, fill: bool = True) -> None:
-        style: dict[str, Any] = {"facecolor": "white", "edgecolor": "black", "linewidth": 1.0, "zorder": 3}
-        disc = Circle((0, 0), radius, fill=fill, **style)
-        self.axes.add_patch(disc)
-        self._follow(disc.set_center, centre, radius)
-
-    def _draw_forces(self) -> None:
-        """Draw the forces of joints and of guides as arrows, the longest cut, and their scale."""
-        sizes = [np.hypot(*force.T) for _, force in self.forces.values()]
-        usual_N = float(np.quantile(np.concatenate([[0.0], *sizes]), IN_LENGTH)) or 1.0
-        mm_per_N, longest_mm = ARROW * self.unit_mm / usual_N, LONGEST_ARROW * self.unit_mm
-        self.arrows: dict[str, FloatArray] = {}
-        for (name, (_, force)), size in zip(self.forces.items(), sizes, strict=True):
-            cut = longest_mm / np.maximum(mm_per_N * size, longest_mm)
-            self.arrows[name] = mm_per_N * force * cut[:, None]
-        style: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.005, "zorder": 4}
-        quivers = []
-        for kind, (label, colour) in KINDS.items():
-            if names := [name for name in self.forces if name.startswith(kind)]:
-                places = np.stack([self.forces[name][0] for name in names], axis=1)
-                arrows = np.stack([self.arrows[name] for name in names], axis=1)
-                quiver = self.axes.quiver(*places[0].T, *arrows[0].T, color=colour, label=label, **style)
-                self._follow(quiver.set_offsets, places)
-                self.moves.append((lambda of, quiver=quiver: quiver.set_UVC(*of.T), arrows))  # type: ignore[misc]
-                self.reached.append(places + arrows)
-                quivers.append(quiver)
-        scale = f"{self.unit_mm:.3g} mm are {self.unit_mm / mm_per_N:.3g} N, cut at {longest_mm:.3g} mm"
-        self.picture.legend(handles=quivers, loc="lower center", ncols=2, title=f"forces: {scale}")
+                block = {"facecolor": LIGHT, "edgecolor": DARK, "zorder": 2}
+                yield Polygon, centre + self.unit_mm * CORNERS @ axes, block
+        body = {"facecolor": f"{DARK}26", "edgecolor": f"{DARK}8C", "linewidth": 5, "zorder": 2}
+        for corners in self.bodies.values():
+            yield Polygon, corners, {**body, "joinstyle": "round"}
+        for spring in self.mechanism.springs:
+            ends = [*map(self.place, _ends(spring))]
+            yield Line2D, np.stack(ends, axis=1), {"color": "black", "linestyle": ":", "marker": "o"}
+        for pin in self.mechanism.pins:
+            bearing, own = (at[:, None] for at in self.joints[pin.name])
+            if pin.body_i == GROUND:
+                yield Line2D, bearing, {"color": GREY, "marker": CARETUP, "markersize": 11}
+            yield Circle, own, disc
+            if pin.clearance:
+                gap = MM_PER_M * self.exaggerate * pin.clearance.radial_clearance_m
+                yield Circle, bearing, {**disc, "fill": False, "radius": radius + gap}
 
     def _fit(self) -> None:
         """Give the axes the limits of all that is drawn, and the figure its height."""
-        points = np.concatenate([each.reshape(-1, 2) for each in self.reached])
+        tips = [at + self.arrows[name] for name, (at, _) in self.forces.items()]
+        reached = [
+            places + sign * style.get("radius", 0.0) for _, places, style in self.shapes for sign in (1, -1)
+        ]
+        points = np.concatenate([each.reshape(-1, 2) for each in (*reached, *tips)])
         margin = MARGIN * self.unit_mm
         low, high = np.nanmin(points, axis=0) - margin, np.nanmax(points, axis=0) + margin
-        self.axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        self.limits: dict[str, Any] = {"xlim": (low[0], high[0]), "ylim": (low[1], high[1])}
         across_in, (width, height) = WIDTH_IN - LEFT_IN - RIGHT_IN, high - low
         up_in = across_in * float(np.clip(height / width, FLATTEST, TALLEST))
         total = BELOW_IN + up_in + ABOVE_IN

@@ -6,17 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reports.equal_error import (
-    Ratio,
-    candidates,
-    front,
-    is_resolved,
-    judged,
-    kept,
-    ratio,
-    reaching,
-    settings,
-)
+from reports.equal_error import Ratio, candidates, front, is_resolved, judged, kept, ratio, reaching, settings
 from reports.results import frame
 
 #: Two configurations whose errors alternate: no setting of either gives what a line between the two would.
@@ -57,8 +47,7 @@ def test_a_setting_before_a_worse_one_is_luck_and_counts_by_that_ones_error() ->
     assert list(ran["kept"]) == [1e-4, 1e-4, 1e-8]
     assert reached(ran, 1e-5) == [("engine (arm)", "1e-08", 4.0)]
     assert list(front(ran)["kept"]) == [1e-4, 1e-8]
-    others = pd.concat([ran, series((1e-6, 2.5), label="engine (sharp)")])
-    (other,) = reached(others, 1e-6)
+    (other,) = reached(pd.concat([ran, series((1e-6, 2.5), label="engine (sharp)")]), 1e-6)
     assert other[0] == "engine (sharp)", "another configuration's settings say nothing of this one's"
 
 
@@ -99,32 +88,21 @@ def ran(*rounds: float) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("rounds", "next_s", "resolved"),
-    [((9.0, 5.0, 6.4), 6.4, True), ((5.0, 6.6, 9.0), 6.6, False), ((5.0,), 6.5, True)],
-)
-def test_a_time_is_the_least_of_its_rounds_and_resolved_if_a_second_comes_near(
-    rounds: tuple[float, ...], next_s: float, resolved: bool
-) -> None:
-    only = ran(*rounds)
-    assert (only.time_s, only.next_s, only.last_s) == (5.0, next_s, max(rounds))
-    assert is_resolved(only) == resolved
-
-
-@pytest.mark.parametrize(
-    ("slow", "fast", "expected", "shown"),
+    ("slow", "fast", "expected", "resolved", "shown"),
     [
-        ((9.0, 5.0, 6.0), (2.0, 1.0, 2.0), (5.0, 2.5, 6.0), "5"),
-        ((1.1, 1.3), (1.0, 1.2), (1.1, 1.1 / 1.2, 1.3), "~1.1"),
-        ((1.2,), (1.0,), (1.2, 1.2 / 1.3, 1.56), "~1.2"),
+        ((9.0, 5.0, 6.4), (2.0, 1.0, 2.0), (5.0, 2.5, 6.4), True, "5"),
+        ((1.1, 1.5), (1.0, 1.2), (1.1, 1.1 / 1.2, 1.5), False, "~1.1"),
+        ((1.2,), (1.0,), (1.2, 1.2 / 1.3, 1.56), True, "~1.2"),
     ],
 )
 def test_a_ratio_is_of_the_least_times_and_marked_unless_its_interval_leaves_out_one(
-    slow: tuple[float, ...], fast: tuple[float, ...], expected: tuple[float, ...], shown: str
+    slow: tuple[float, ...], fast: tuple[float, ...], expected: Any, resolved: bool, shown: str
 ) -> None:
     """Either time may be that of its second round, or 1.3 times as long where there is one alone."""
     found = ratio(ran(*slow), ran(*fast))
     assert (found.times, found.low, found.high) == pytest.approx(expected)
-    assert str(found) == shown
+    assert (is_resolved(ran(*slow)), str(found)) == (resolved, shown)
+    assert ran(*slow).last_s == max(slow)
     assert not Ratio(2.0, 1.0, 3.0).decided, "an interval that ends at one contains it"
     assert Ratio(0.5, 0.4, 0.9).decided
 

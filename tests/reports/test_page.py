@@ -36,7 +36,7 @@ pytestmark = pytest.mark.system
 #: Rows of a quick set, as they are published.
 ROWS = Path(__file__).parents[2] / "reports/published/results"
 #: At most so many words, figures, tables, claims and bytes are on the page of the quick set.
-MOST_OF = {"words": 5200, "figures": 13, "tables": 15, "claims": 20, "bytes": 100_000}
+MOST_OF = {"words": 4800, "figures": 13, "tables": 15, "claims": 20, "bytes": 100_000}
 
 
 @pytest.fixture(scope="module")

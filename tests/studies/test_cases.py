@@ -16,32 +16,29 @@ RESOLVING = {"iterations", "steps_per_contact"}
 CATALOGUE = [arm for arm in vars(arms).values() if isinstance(arm, Arm)]
 
 
+@pytest.fixture(scope="module")
 def cases() -> list[Case]:
     return [case for study in STUDIES for case in load_study(study).cases(True)]
 
 
-def test_a_label_has_one_meaning_in_all_studies() -> None:
+def test_a_label_has_one_meaning_in_all_studies_and_what_is_added_to_it_resolves(cases: list[Case]) -> None:
     meanings = {arm.label: arm for arm in CATALOGUE}
     assert len(meanings) == len(CATALOGUE)
-    for case in cases():
+    for case in cases:
         assert meanings.setdefault(case.arm.label, case.arm) == case.arm, case.study
+        more = set(case.added) - {*case.arm.tolerances, *RESOLVING}
+        assert not more, f"{case.study}: {case.arm.label} with {more}"
     swept = meanings.keys() - {arm.label for arm in CATALOGUE}
     assert all("iterations" in label for label in swept), swept
 
 
-def test_what_a_study_adds_to_an_arm_resolves_and_changes_no_meaning() -> None:
-    for case in cases():
-        more = set(case.added) - {*case.arm.tolerances, *RESOLVING}
-        assert not more, f"{case.study}: {case.arm.label} with {more}"
-
-
-@pytest.mark.parametrize("study", STUDIES)
-def test_no_scene_of_a_study_shows_one_engine_under_two_labels(study: str) -> None:
-    labels: dict[tuple[str, str], str] = {}
-    for case in load_study(study).cases(True):
+def test_no_scene_of_a_study_shows_one_engine_under_two_labels(cases: list[Case]) -> None:
+    labels: dict[tuple[str, str, str], str] = {}
+    for case in cases:
         if "iterations" not in case.arm.name:  # one of Pymunk's sweep is the tuned one
             engine = repr(make_engine(case.engine, **case.arm.settings))
-            assert labels.setdefault((case.scene.name, engine), case.arm.label) == case.arm.label
+            key = case.study, case.scene.name, engine
+            assert labels.setdefault(key, case.arm.label) == case.arm.label
 
 
 @pytest.mark.parametrize("study", STUDIES)
@@ -52,9 +49,9 @@ def test_no_case_is_there_twice_and_the_full_set_contains_the_quick_one(study: s
     assert set(quick) < set(full)
 
 
-def test_out_of_the_box_sets_all_that_a_user_who_sets_nothing_has() -> None:
+def test_out_of_the_box_sets_all_that_a_user_who_sets_nothing_has(cases: list[Case]) -> None:
     box = arms.OUT_OF_THE_BOX
     same = {"contact", "shorter_in_contact"}  # are Pymunk's own
     assert {field.name for field in fields(PymunkEngine)} - same == {*box.settings}
-    labels = {case.study for case in cases() if case.arm == box}
+    labels = {case.study for case in cases if case.arm == box}
     assert labels == {"accuracy", "cost", "energy", "extremes"}

@@ -45,14 +45,9 @@ def test_an_energy_row_has_what_the_run_gained_with_its_signs() -> None:
     case = Case("energy", scene, arms.PROJECTION, run, columns={"rung": 0})
     row, _ = energy.measure(case)
     motion = make_engine("reference", stabilisation="projection").simulate(scene, run)
-    energies = []
-    for velocity, position in zip(motion.velocity.tolist(), motion.position.tolist(), strict=True):
-        total = 0.0
-        for (x, y, turn), (_, height, _), mass, inertia in zip(
-            velocity, position, (0.30, 0.21, 0.14), (1e-4, 2.5e-4, 1e-4), strict=True
-        ):
-            total += mass * (x * x + y * y) / 2 + inertia * turn * turn / 2 + mass * 9.81 * height
-        energies.append(total)
+    masses = np.array([[0.30, 0.30, 1e-4], [0.21, 0.21, 2.5e-4], [0.14, 0.14, 1e-4]])
+    energies = np.sum(masses * motion.velocity**2, axis=(1, 2)) / 2
+    energies += 9.81 * motion.position[..., 1] @ masses[:, 0]
     assert motion.driver_work_J is not None
     assert motion.stabilisation_loss_J is not None
     gained = energies[-1] - energies[0] - float(motion.driver_work_J[-1])

@@ -11,15 +11,8 @@ import math
 import numpy as np
 import pytest
 
-from engine_models.arms import (
-    AS_THE_SCENE,
-    GENERALIZED_ALPHA,
-    GENERALIZED_ALPHA_09,
-    PLAIN,
-    RK44,
-    TRAPEZOIDAL,
-    Arm,
-)
+from engine_models import arms
+from engine_models.arms import Arm
 from engine_models.engine import FloatArray, RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.format import BodyState, Clearance, FreeDrive
@@ -105,8 +98,13 @@ def measured_growth(arm: Arm, x: float, damping_ratio: float, steps: int, order:
     return float(np.abs(np.roots([1.0, *-coefficients[::-1]])).max())
 
 
-def named(of: object) -> str:
-    return of.label if isinstance(of, Arm) else str(of)
+#: Configurations with their methods, and of implicit ones the spectral radius.
+EXPLICIT = [(arms.PLAIN, RK4), (arms.RK44, RK4), (arms.AS_THE_SCENE, EULER)]
+IMPLICIT = [
+    (arms.TRAPEZOIDAL, TRAPEZOIDAL_RULE, 1.0),
+    (arms.GENERALIZED_ALPHA, ALPHA, 0.5),
+    (arms.GENERALIZED_ALPHA_09, ALPHA, 0.9),
+]
 
 
 def test_step_matrices_grow_from_the_studys_limits_on() -> None:
@@ -119,7 +117,7 @@ def test_step_matrices_grow_from_the_studys_limits_on() -> None:
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.5, 2.0])
-@pytest.mark.parametrize(("arm", "method"), [(PLAIN, RK4), (RK44, RK4), (AS_THE_SCENE, EULER)], ids=named)
+@pytest.mark.parametrize(("arm", "method"), EXPLICIT, ids=str)
 def test_an_explicit_engine_grows_as_its_step_matrix_around_the_limit(
     arm: Arm, method: str, ratio: float
 ) -> None:
@@ -133,19 +131,11 @@ def test_an_explicit_engine_grows_as_its_step_matrix_around_the_limit(
         assert (expected > 1 + 1e-4) == (x > limit)
 
 
-@pytest.mark.parametrize(
-    ("arm", "method", "radius"),
-    [
-        (TRAPEZOIDAL, TRAPEZOIDAL_RULE, 1.0),
-        (GENERALIZED_ALPHA, ALPHA, 0.5),
-        (GENERALIZED_ALPHA_09, ALPHA, 0.9),
-    ],
-    ids=named,
-)
+@pytest.mark.parametrize(("arm", "method", "radius"), IMPLICIT, ids=str)
 def test_an_implicit_engine_loses_what_its_matrix_says_and_has_no_limit(
     arm: Arm, method: str, radius: float
 ) -> None:
-    order = 2 if arm is TRAPEZOIDAL else 3
+    order = 2 if arm is arms.TRAPEZOIDAL else 3
     for x in (0.1, 0.3, 1.0):
         loss = 1 - measured_growth(arm, x, 0.0, 120, order) ** 2
         assert loss == pytest.approx(1 - growth(method, x, 0.0, radius) ** 2, rel=0.01, abs=1e-6), x

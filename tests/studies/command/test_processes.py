@@ -84,26 +84,13 @@ def test_an_interrupted_run_leaves_an_existing_file_alone(engine: str, tmp_path:
     assert list(tmp_path.iterdir()) == [out]
 
 
-#: Runs each command of a text in lines, and prints what is loaded behind it.
-LOADED = """
-import os, sys
-from crankslider.command import main
-for line in sys.argv[1].splitlines():
-    sys.argv = ["crankslider", *line.split()]
-    sys.stdout = open(os.devnull, "w")
-    try:
-        main()
-    except SystemExit:
-        pass
-    sys.stdout = sys.__stdout__
-    print(*sys.modules)
-"""
-
-
 def test_help_and_lists_come_without_numbers() -> None:
     """What a command does not need would be most of its time."""
-    command = [sys.executable, "-c", LOADED, "--help\nshow ideal-free"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    helped, shown = (set(line.split()) for line in done.stdout.splitlines())
-    assert not helped & {"numpy", "numba", "matplotlib"}
-    assert not shown & {"exudyn", "pymunk", "numba", "scipy", "pandas", "matplotlib"}
+    for words, unloaded in (
+        ("--help", {"numpy", "numba", "matplotlib"}),
+        ("show ideal-free", {"exudyn", "pymunk", "numba", "scipy", "pandas", "matplotlib"}),
+    ):
+        loaded = f"import atexit, sys; atexit.register(lambda: print(*sys.modules, file=sys.stderr)); {MAIN}"
+        command = [sys.executable, "-c", loaded, *words.split()]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert not unloaded & set(done.stderr.split())

@@ -68,12 +68,6 @@ def test_no_order_is_claimed_without_a_straight_line(errors: list[float], floor:
     assert str(found) == verdict
 
 
-def test_of_two_runs_at_one_step_the_better_counts() -> None:
-    steps, errors = (1.0, 0.5, 0.5, 0.25), (1.0, 0.9, 0.0625, 0.00390625)
-    assert observed_order(steps, errors).slope == pytest.approx(4.0)
-    assert observed_order(steps, errors[:1] + errors[2:0:-1] + errors[3:]).slope == pytest.approx(4.0)
-
-
 @pytest.mark.parametrize(
     ("exponents", "scale", "slope", "points"),
     [
@@ -90,5 +84,7 @@ def test_the_points_of_an_order(
     order = observed_order(steps, [0.5**k for k in exponents], scale=scale)
     assert order.slope == pytest.approx(slope, abs=1e-9)
     assert order.steps == tuple(steps[k] for k in points)
+    of_two = observed_order((1.0, 0.5, 0.5, 0.25), (1.0, 0.9, 0.5**4, 0.5**8))
+    assert of_two.slope == pytest.approx(4.0), "of two runs at one step the better counts"
     of_ten = observed_order([1.0, 0.5, 0.25], [160.0, 40.0, 10.0], 1.0)
     assert of_ten.slope == pytest.approx(2.0, abs=1e-9), "an error of ten uncertainties counts"

@@ -124,9 +124,6 @@ def test_a_scale_is_the_largest_distance_from_the_mean_over_time() -> None:
     assert scales(ideal_driven(), early)["slider_position_scale_m"] == pytest.approx(23 / 6 - 1)
 
 
-# Constraints and forces
-
-
 @pytest.mark.parametrize(("body", "axis"), [(0, 0), (1, 1), (2, 0), (2, 1)])
 def test_a_body_out_of_place_is_a_violation_of_that_size_and_one_that_moves_off_has_that_speed(
     body: int, axis: int
@@ -141,9 +138,6 @@ def test_a_body_out_of_place_is_a_violation_of_that_size_and_one_that_moves_off_
     speed = constraint_speed_m_s(scene, replace(truth, velocity=velocity))
     assert [violation[2], speed[2]] == pytest.approx([SHIFT, SHIFT], rel=1e-9)
     assert violation[[0, 1, 3, 4]].max() < 1e-15
-
-
-# Contacts
 
 
 def test_a_horizon_is_the_first_time_beyond() -> None:

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine_models.engine import Engine, RunSettings, Trajectory
+from engine_models.engine import RunSettings, Trajectory
 from engine_models.scene.library import SCENES
-from engine_models.scene.scene import Scene
 from studies.accuracy import impacts_of
 from studies.case import Row
 from studies.judges.comparison import compared, judged
@@ -33,14 +32,7 @@ def stronger(run: Trajectory) -> Trajectory:
     return replace(run, joint_force_N=forces, contacts={"B": wrong})
 
 
-class Deaf(Altered):
-    """It leaves out the times that it is asked for beside its samples."""
-
-    def simulate(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        return super().simulate(scene, replace(settings, at_s=()))
-
-
-def row_of(engine: Engine) -> Row:
+def row_of(engine: Altered) -> Row:
     found = judged(engine, SCENE, ASKED)
     row, _ = compared(found)
     return row | impacts_of(found)
@@ -69,12 +61,3 @@ def test_a_force_that_is_wrong_in_contacts_alone_is_seen_in_forces_alone() -> No
     true = EXACT.simulate(SCENE, ASKED)
     off = joint_forces(stronger(true)) - joint_forces(true)
     assert np.abs(off).max() < 1.0, "equal samples do not see it"
-
-
-def test_an_engine_that_leaves_times_out_is_not_judged_by_forces_that_it_does_not_show() -> None:
-    row = row_of(Deaf(lambda run: run, sharp=True))
-    assert "joint_B_force_error_N" not in row
-    assert "contact_B_normal_force_error_N" not in row
-    assert "contact_B_normal_force_N" in str(row["not_judged"])
-    assert number(row, "slider_position_error_m") < 1e-9
-    assert number(row, "impact_force_relative_error") < 1e-5, "impacts tell their own"

@@ -127,7 +127,7 @@ def test_both_formulations_agree_and_close_the_ledger_and_the_joints(name: str) 
 @pytest.mark.parametrize("name", ["loop", "linear"])
 def test_exudyn_s_own_model_moves_alike(name: str) -> None:
     """Its equations, contacts and integration share no line with these."""
-    exudyn = make_engine("exudyn", solver="DOPRI5", step_tolerance=1e-12)
+    exudyn = make_engine("exudyn", solver="DOPRI5", step_tolerance=1e-11)
     run = exudyn.simulate(scene(name), RunSettings(1e-5, 20))
     assert np.abs(run.position - true_solution(exudyn.twin(scene(name))).position).max() < 1e-11
 

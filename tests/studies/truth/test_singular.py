@@ -1,17 +1,18 @@
-"""Where the truth has no answer it says so: singular loops, limit positions, open starts, laws unknown."""
-
-import re
+"""Where the truth has no answer it says so: singular loops, open starts, laws unknown."""
 
 import numpy as np
 import pytest
 
 from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.exudyn.engine import ExudynEngine
 from engine_models.minimal import model
-from engine_models.minimal.model import LimitPosition
+from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.format import SceneError
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.converged_truth import REFERENCE, TRUE, converged, truth_by
+from studies.judges.columns import sample_columns
+from studies.judges.converged_truth import REFERENCE, TRUE, truth_by
+from studies.judges.run_cache import Solver
 from tests.engines.mechanism_texts import FOUR_BAR, four_bars, scene
 from tests.helpers.starts import started_from
 
@@ -21,49 +22,6 @@ def test_no_step_passes_a_singular_position(count: int) -> None:
     """All loops of a row are singular at once, where the sign of their determinant need not change."""
     with pytest.raises(SimulationFailed, match=r"at t = 0\.7[01].* s: its loops are singular"):
         TRUE.simulate(scene(four_bars(count, 0.8)), RunSettings(1.0, 1))
-
-
-#: A four-bar whose driven crank cannot turn round: PMKS (2016) has this one, with the limit at 2.07444 s.
-LIMIT = """
-name = "limit"
-end_time_s = 2.49
-observe = "E.x"
-ground.pins_m = { A = [0.041, 0.0375], D = [0.00165, 0.01322] }
-start.angle_rad = { crank = -2.247729496786994, coupler = -2.5319597291135514, rocker = -2.1730249702589566 }
-start.hold = ["crank"]
-start.speed_rad_s = { crank = 1.0471975511965976 }
-drive = { kind = "constant-speed", body = "crank" }
-[body.crank]
-pins_m = { A = 0.0, B = 0.045593477603709937 }
-mass_kg = 0.1
-inertia_kg_m2 = 1.7323e-05
-centre_of_mass_m = 0.0228
-[body.coupler]
-pins_m = { B = 0.0, C = 0.04347092936664686, E = [0.023, -0.034] }
-mass_kg = 0.2
-inertia_kg_m2 = 3.1495e-05
-centre_of_mass_m = 0.0217
-[body.rocker]
-pins_m = { D = 0.0, C = 0.04386735688413424 }
-mass_kg = 0.1
-inertia_kg_m2 = 1.60362e-05
-centre_of_mass_m = 0.0219
-"""
-
-
-def test_a_drive_that_comes_to_a_limit_position_is_told_with_the_time() -> None:
-    """There coupler and rocker are in line: the crank's pin is as far from D as they are long together."""
-    of = scene(LIMIT)
-    (x, y), crank, together = (0.041 - 0.00165, 0.0375 - 0.01322), 0.045593477603709937, 0.08733829930350108
-    start, speed = -2.247729496786994, 1.0471975511965976
-    angle = np.linspace(start, start + 2.7, 2_000_001)
-    apart = np.hypot(x + crank * np.cos(angle), y + crank * np.sin(angle))
-    limit_s = float(angle[np.argmax(apart > together)] - start) / speed
-    with pytest.raises(LimitPosition) as refused:
-        converged(of, 10)
-    stated = re.match(r"the mechanism cannot go on at t = (\S+) s: the drive has come to", str(refused.value))
-    assert stated
-    assert float(stated[1]) == pytest.approx(limit_s, abs=2e-6), "of so many angles"
 
 
 def told(off_m: float) -> Scene:
@@ -102,3 +60,37 @@ def test_a_table_of_thousands_of_points_is_solved() -> None:
     run = TRUE.simulate(of, RunSettings(1.0, 4))
     assert run.steps >= 5999
     assert run.position[-1, 0, 2] == pytest.approx(523.6 * 0.024, abs=1e-12)
+
+
+#: A spring of free length 0 whose ends are at one place at the start, from a cart to the ground.
+COINCIDENT = """
+name = "coincident"
+end_time_s = 0.01
+gravity_m_s2 = 10.0
+observe = "P.x"
+ground.pins_m = { O = [0.0, 0.0] }
+body.cart = { pins_m = { S = 0.0 }, mass_kg = 1.0, inertia_kg_m2 = 1.0 }
+start = { angle_rad = { pendulum = 0.0 }, position_m = { rail = 0.0 }, hold = ["pendulum", "rail"] }
+drive.kind = "free"
+guide.rail = { body = "cart", pin = "S" }
+[body.pendulum]
+pins_m = { S = 0.0, P = 0.5 }
+mass_kg = 1.0
+inertia_kg_m2 = 1.0
+centre_of_mass_m = 0.5
+[spring.s]
+between = ["ground.O", "cart.S"]
+stiffness_N_m = 10.0
+free_length_m = 0.0
+"""
+
+
+@pytest.mark.parametrize("solver", [TRUE, ReferenceEngine(), ExudynEngine()], ids=str)
+def test_a_spring_without_a_length_does_not_pull(solver: Solver) -> None:
+    """The pendulum's angular acceleration is m g l/(I + m l^2) = 4: of 20 N the rail bears 18."""
+    of = scene(COINCIDENT)
+    columns = sample_columns(of, solver.simulate(of, RunSettings(1e-4, 2)))
+    assert all(np.isfinite(column).all() for column in columns.values())
+    expected = {"spring_s_force_N": 0.0, "cart_acceleration_x_m_s2": 0.0, "ground_force_x_N": 0.0}
+    for name, value in (expected | {"ground_force_y_N": -18.0}).items():
+        assert columns[name][0] == pytest.approx(value, abs=1e-9), name
