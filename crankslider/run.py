@@ -323,17 +323,15 @@ def require_outputs(
 
 
 def require_file(argument: str, place: str | Path, endings: Sequence[str]) -> None:
-    """Refuse a file that cannot be written or has another ending."""
+    """Refuse a file that cannot be written or has another ending; .mp4 takes ffmpeg."""
     path = Path(place)
-    if path.suffix.lower() not in endings:
-        expected = f"a file that ends in {one_of([each for each in endings if each])}"
-        raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
-    if path.suffix.lower() == ".mp4":
+    if (ending := path.suffix.lower()) == ".mp4":
         from reports.film import can_write
 
-        if not can_write(".mp4"):
-            expected = "a file that ends in .html or .gif where ffmpeg is not installed"
-            raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
+        endings = [each for each in endings if can_write(each)]
+    if ending not in endings:
+        expected = f"a file that ends in {one_of([each for each in endings if each])}"
+        raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
     if path != STDOUT:
         with writing(argument, path):
             require_place(path)
