@@ -3,7 +3,6 @@
 import math
 
 from engine_models.engine import SimulationFailed
-from engine_models.scene.format import FluctuatingDrive, RampDrive
 from engine_models.scene.scene import Scene
 
 #: A run that needs more steps than this would take hours or more.
@@ -42,9 +41,8 @@ def too_slow(step_s: float, when: str = "") -> SimulationFailed:
 def quickest_s(scene: Scene) -> float:
     """Return how long a ramp or a period of a fluctuation takes in s, infinite without one."""
     drive = scene.drive
-    if isinstance(drive, RampDrive):
-        return drive.ramp_time_s
-    return 1.0 / drive.frequency_Hz if isinstance(drive, FluctuatingDrive) else math.inf
+    period_s = 1.0 / drive.frequency_Hz if drive.frequency_Hz else math.inf
+    return drive.ramp_time_s or period_s
 
 
 def require_followed(scene: Scene, step_s: float) -> None:

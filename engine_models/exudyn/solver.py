@@ -12,10 +12,9 @@ from engine_models import progress
 from engine_models.engine import EngineFailed, RunSettings, SimulationFailed
 from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.mechanics.start import start_state
-from engine_models.mechanics.states import lever_m, shortest_m
+from engine_models.mechanics.states import lever_m, levers_m, shortest_m
 from engine_models.minimal.forces import Forces
 from engine_models.pace import FEWEST_STEPS, quickest_s
-from engine_models.scene.mechanism import levers_m
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contacts import stiffness_of
 from reference_solver.mechanism.data import Motor

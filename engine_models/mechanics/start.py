@@ -4,8 +4,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray, ImpossibleStart, Trajectory
 from engine_models.mechanics.states import pin_gap, turns_of
-from engine_models.scene.scene import Scene
-from engine_models.scene.start import held_at_start
+from engine_models.scene.scene import Scene, held_at_start
 from reference_solver.mechanism.contacts import damping_factor_of
 
 #: A pin is in its wall that is by so many metres, and leaves it at so many m/s for every m/s, and one more,
@@ -28,7 +27,7 @@ def start_angle(scene: Scene) -> tuple[str, float]:
         raise ValueError("expected a turning body, got none")
     name = scene.mechanism.names[scene.turning_body]
     path = scene.path(f"start.angle_rad.{name}")
-    if name not in scene.start.angle_rad or name not in held_at_start(scene)[0]:
+    if name not in scene.start.angle_rad or name not in held_at_start(scene):
         raise ValueError(f"expected a start that tells {path} and holds it, got another")
     return path, scene.start.angle_rad[name]
 

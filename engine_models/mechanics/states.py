@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.scene.mechanism import levers_m
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND as GROUND
 from reference_solver.mechanism.data import Line as Line
+from reference_solver.mechanism.data import MechanismData
 from reference_solver.mechanism.data import Pin as Pin
 from reference_solver.mechanism.data import Point as Point
 from reference_solver.mechanism.data import Spring as Spring
@@ -108,6 +108,15 @@ def turns_of(angle: FloatArray) -> FloatArray:
     count = np.round((angle - within) / math.tau)
     kept = within + math.tau * np.mod(count, 2)
     return np.where(np.abs(angle) <= 4 * math.pi, 0.0, angle - kept)
+
+
+def levers_m(of: MechanismData) -> list[float]:
+    """Return the distances in m between points of each body at joints and guides, and its centre of mass."""
+    points: dict[int, list[Point]] = {number: [(0.0, 0.0)] for number in range(len(of.bodies))}
+    for part in (*of.pins, *of.guides):
+        points.get(part.body_i, []).append(part.point_i)
+        points.get(part.body_j, []).append(part.point_j)
+    return [math.dist(a, b) for places in points.values() for a in places for b in places]
 
 
 def lever_m(scene: Scene) -> float:

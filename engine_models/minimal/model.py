@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
 from engine_models.engine import AdapterCannot, SimulationFailed, UnsupportedScene
-from engine_models.mechanics.states import turns_of, way
+from engine_models.mechanics.states import levers_m, turns_of, way
 from engine_models.minimal import equations as eq
-from engine_models.scene.mechanism import levers_m
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import data
 

@@ -7,8 +7,8 @@ import numpy as np
 import pymunk
 
 from engine_models.engine import FloatArray, UnsupportedScene
+from engine_models.mechanics.states import levers_m
 from engine_models.minimal.forces import Forces
-from engine_models.scene.mechanism import levers_m
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, MechanismData, Pin, Point
 

@@ -44,7 +44,7 @@ def in_words(unit: str = "") -> Any:
     def number(value: object) -> object:
         if isinstance(value, str) and NUMBER.fullmatch(value):
             return int(value) if value.isdigit() and len(value) < MOST_DIGITS else float(value)
-        return in_unit(value, unit) if unit and isinstance(value, str) else value
+        return in_unit(value, unit) if unit else value
 
     return BeforeValidator(number)
 
@@ -64,32 +64,27 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
     Raises:
         BadInput: an argument is missing, unknown or of another kind.
     """
-    signature = inspect.signature(function)
-    kinds = {name: each.annotation for name, each in signature.parameters.items() if name != "self"}
+    signature, name = inspect.signature(function), function.__name__
+    kinds = {key: each.annotation for key, each in signature.parameters.items() if key != "self"}
 
     @cache
     def model() -> type[BaseModel]:
-        fields: dict[str, Any] = {name: (kind, None) for name, kind in kinds.items()}
+        fields: dict[str, Any] = {key: (kind, None) for key, kind in kinds.items()}
         return create_model("Arguments", __config__=STRICT, **fields)
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-        name = function.__name__
         try:
             bound = signature.bind(*args, **kwargs)
+            given = {key: plain(value) for key, value in bound.arguments.items() if key != "self"}
+            valid = model().model_validate(given)
         except TypeError as reason:
-            got = str(reason).removeprefix("got ").replace("missing a", "no", 1)
-            expected = f"{name}: expected {', '.join(kinds) or 'no arguments'}"
-            raise BadInput(f"{expected}, got a call with {got}") from None
-        given = {key: value for key, value in bound.arguments.items() if key != "self"}
-        try:
-            valid = model().model_validate({key: plain(value) for key, value in given.items()})
+            expected = ", ".join(kinds) or "no arguments"
+            raise BadInput(f"{name}: expected {expected}, got a call: {reason}") from None
         except ValidationError as error:
             raise BadInput(refusal(error, given)) from None
         except RecursionError:
-            raise BadInput(
-                f"{name}: expected values of a few levels, got too many inside each other"
-            ) from None
+            raise BadInput(f"{name}: expected values of a few levels, got too many") from None
         bound.arguments.update((key, getattr(valid, key)) for key in given)
         return function(*bound.args, **bound.kwargs)
 
@@ -101,11 +96,9 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
 def plain(value: Any) -> Any:
     """Return a value with the numbers and arrays of NumPy in it as Python's own numbers and lists."""
-    kind = getattr(getattr(value, "dtype", None), "kind", None)
-    if kind is not None:
-        value = (
-            (value.astype(float) if kind == "f" else value).tolist() if kind in PLAIN_KINDS else repr(value)
-        )
+    if kind := getattr(getattr(value, "dtype", None), "kind", None):
+        exact = value.astype(float) if kind == "f" else value
+        value = exact.tolist() if kind in PLAIN_KINDS else repr(value)
     if isinstance(value, Mapping):
         return {key: plain(each) for key, each in value.items()}
     return [plain(each) for each in value] if isinstance(value, list | tuple) else value

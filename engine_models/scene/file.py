@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -34,11 +34,7 @@ def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene
     """
     try:
         data = tomllib.loads(text)
-    except RecursionError:
-        raise SceneError(
-            "TOML syntax: expected a scene's few levels, got too many inside each other"
-        ) from None
-    except ValueError as error:  # also an integer too long for Python to read
+    except (ValueError, RecursionError) as error:  # also an integer too long for Python to read
         reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
     return Scene.checked(with_fields(data, changes), folder)
@@ -63,19 +59,14 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
         reasons, file, lines = [], f"{path}: ", lines_of(text)
         for why in error.reasons:
             field = why.partition(": ")[0]
-            if _is_changed(lines, field, changes):
+            beside = field if field in lines else f"{field.rpartition('.')[0] or field}."
+            if any(f"{field}.".startswith(f"{it}.") or it.startswith(beside) for it in changes):
                 reasons.append(f"{option} {why}")
-            else:
+            else:  # neither changed, nor missing beside or above a change
                 line = line_of(lines, field)
                 reasons.append(f"{file}line {line}: {why}" if line else f"{file}{why}")
                 file = ""
         raise SceneError(*reasons) from None
-
-
-def _is_changed(lines: Mapping[str, int], field: str, changes: Iterable[str]) -> bool:
-    """Return whether a field has its value by a change, or is not in the text, but beside or above one."""
-    beside = field if field in lines else f"{field.rpartition('.')[0] or field}."
-    return any(f"{field}.".startswith(f"{path}.") or path.startswith(beside) for path in changes)
 
 
 def sources(path: Path, changes: Fields = NONE) -> list[Path]:
@@ -87,10 +78,7 @@ def sources(path: Path, changes: Fields = NONE) -> list[Path]:
 def _files(data: Mapping[str, Any]) -> Iterator[str]:
     """Yield the names of files in the data of a scene."""
     for key, value in data.items():
-        if isinstance(value, Mapping):
-            yield from _files(value)
-        elif key == "file":
-            yield str(value)
+        yield from _files(value) if isinstance(value, Mapping) else [str(value)] if key == "file" else []
 
 
 def folder_of(path: Path) -> Path:
@@ -99,16 +87,16 @@ def folder_of(path: Path) -> Path:
 
 
 def line_of(lines: Mapping[str, int], field: str) -> int | None:
-    """Return the number of the line, from 1, of a field such as ``rod.mass_kg``.
+    """Return the number of the line, from 1, of a field such as ``rod.mass_kg``, or of its first part.
 
     Of one that is not there it is the line of what it would stand in, None if there is no such thing either.
     """
-    while field and field not in lines:
-        within = (number for path, number in lines.items() if path.startswith(f"{field}."))
-        if number := next(within, None):  # a section has the line of its first part
+    while field:
+        within = (number for path, number in lines.items() if f"{path}.".startswith(f"{field}."))
+        if number := lines.get(field) or next(within, None):
             return number
         field = field.rpartition(".")[0]
-    return lines.get(field)
+    return None
 
 
 def lines_of(text: str) -> dict[str, int]:

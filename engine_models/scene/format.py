@@ -9,9 +9,19 @@ import math
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown, unknown_key
@@ -20,10 +30,90 @@ from engine_models.scene.units import in_own_units
 from reference_solver.mechanism import data
 from reference_solver.mechanism.contacts import DAMPING_FACTORS, NORMAL_LAWS
 from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Interpolation
-from reference_solver.mechanism.motions import curve_of
 
 Value = TypeVar("Value")
 Kind = TypeVar("Kind", bound="SceneData")
+
+TURN = 2 * math.pi
+#: A revolution in a table may be off by as much as five typed digits are, in rad; its forces by rounding.
+REVOLUTION_RAD, CLOSES = 1e-4, 1e-9
+#: Speeds of straight lines that differ by less than this part of the fastest are one, but for typed digits.
+SAME_SPEED = 1e-6
+#: Steps of a table of whose cubes both the inverse and the product with any force are numbers.
+STEPS = 1e-60, 1e60
+#: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
+FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
+#: Columns of drives with a table; what each kind needs, and may have; what is in place of it along a guide.
+TABLES: dict[object, tuple[str, ...]] = {
+    "table": ("time_s", "angle_rad", "position_m"),
+    "torque": ("time_s", "torque_N_m"),
+    "motor": ("speed_rad_s", "torque_N_m"),
+}
+NEEDED: dict[str, tuple[str, ...]] = {
+    "ramp": ("final_speed_rad_s", "ramp_time_s"),
+    "fluctuating": ("amplitude_rad_s", "frequency_Hz"),
+    "table": ("time_s", "angle_rad"),
+    "torque": ("torque_N_m",),
+    "motor": ("stall_torque_N_m", "no_load_speed_rad_s"),
+}
+MAY_HAVE = {"fluctuating": ("phase_rad",), "torque": ("time_s",)}
+ALONG = {
+    "final_speed_rad_s": "final_speed_m_s",
+    "amplitude_rad_s": "amplitude_m_s",
+    "angle_rad": "position_m",
+}
+#: The units of the slopes at a table's ends, by the first of these columns that it has.
+SLOPES = {"position_m": "m/s", "angle_rad": "rad/s", "force_N": "N/s", "speed_rad_s": "N m s/rad"}
+
+#: Laws with a damping, and all laws: those of a function of their own, and those of a factor a(e), are named
+#: where the solver has them.
+DAMPED_LAWS = ("kelvin-voigt", *sorted(NORMAL_LAWS.keys() - {"dissipative"}))
+LAWS = ("linear", "hertz", *DAMPED_LAWS, *DAMPING_FACTORS, "rigid")
+if TYPE_CHECKING:
+    ContactLaw = str
+else:
+    ContactLaw = Literal[LAWS]
+FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
+#: What names may have to be, in the words of refusals.
+BASE, MOVING, TURNING, END = "ground or another body", "a body or a guide", "a body, or none", "a body.pin"
+JOINT = "a pin of two bodies, of two at one place where three meet"
+OBSERVED = "a pin's x or y, a body's angle or a guide's along"
+
+
+class SceneError(BadInput):
+    """A scene was refused; each of the reasons names the field, what was expected and what came."""
+
+    def __init__(self, *reasons: str) -> None:
+        self.reasons = reasons
+        super().__init__("; ".join(reasons))
+
+
+def require(holds: bool, field: str, expected: str, came: object) -> None:
+    """Refuse a field, in the words of ``plain_words``, unless a condition on it holds."""
+    if not holds:
+        got = f"{came:g}" if isinstance(came, float) else shown(came)
+        raise ValueError(f"{field}: expected {expected}, got {got}")
+
+
+def require_known(path: str, name: str, choices: Iterable[str], what: str) -> None:
+    """Refuse a name that is none of the choices."""
+    choices = list(choices)
+    if name not in choices:
+        raise ValueError(unknown(path, name, choices, f"{what} ({', '.join(choices) or 'none'})"))
+
+
+def known(what: str) -> Any:
+    """Return what in an annotation refuses names of nothing that a scene has; a part alone may have any."""
+
+    def check(name: str, info: ValidationInfo) -> str:
+        names = (info.context or {}).get(what, [name])
+        if name not in names:
+            words = f"{what} ({', '.join(filter(None, names)) or 'none'})"
+            raise PydanticCustomError("known", "{words}", {"words": words, "known": names})
+        return name
+
+    return AfterValidator(check)
+
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -37,61 +127,19 @@ Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
 Pair = Annotated[tuple[float, float], Field(strict=False), expect("a list of two numbers")]
 #: A place in a body's own axes.
 Place = Annotated[float | Pair, expect("a finite number or a list of two")]
-LETTERS = "a name of letters, digits, _ and -, a letter first"
 #: The name of a body, a pin, a guide or a spring; and parts or numbers by such names.
-PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$"), expect(LETTERS)]
+LETTERS = expect("a name of letters, digits, _ and -, a letter first")
+PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$"), LETTERS]
 Named = dict[PartName, Value]
-PRINTED = "a string that is not empty and begins with neither a blank nor =, +, - or @"
-
-TURN = 2 * math.pi
-#: A revolution in a table may be off by as much as five typed digits are, in rad; its forces by rounding.
-REVOLUTION_RAD, CLOSES = 1e-4, 1e-9
-#: Speeds of straight lines that differ by less than this part of the fastest are one, but for typed digits.
-SAME_SPEED = 1e-6
-#: Steps of a table of whose cubes both the inverse and the product with any force are numbers.
-STEPS = 1e-60, 1e60
-#: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
-FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
-#: The units of the slopes at a table's ends, by the first of these columns that it has.
-SLOPES = {"position_m": "m/s", "angle_rad": "rad/s", "force_N": "N/s", "speed_rad_s": "N m s/rad"}
-
-#: Laws with a damping, and all laws: those of a function of their own, and those of a factor a(e), are named
-#: where the solver has them.
-DAMPED_LAWS = ("kelvin-voigt", *sorted(NORMAL_LAWS.keys() - {"dissipative"}))
-LAWS = ("linear", "hertz", *DAMPED_LAWS, *DAMPING_FACTORS, "rigid")
-if TYPE_CHECKING:
-    ContactLaw = str
-else:
-    ContactLaw = Literal[LAWS]
-FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
-
-
-class SceneError(BadInput):
-    """A scene was refused; each of the reasons names the field, what was expected and what came."""
-
-    def __init__(self, *reasons: str) -> None:
-        self.reasons = reasons
-        super().__init__("; ".join(reasons))
-
-
-def refuse(field: str, expected: str, came: object) -> NoReturn:
-    """Raise a ValueError in the words of ``plain_words``."""
-    number = isinstance(came, int | float) and not isinstance(came, bool)
-    got = "nothing" if came is None else f"{came:g}" if number else shown(came)
-    raise ValueError(f"{field}: expected {expected}, got {got}")
-
-
-def require(holds: bool, field: str, expected: str, came: object) -> None:
-    """Refuse a field unless a condition on it holds."""
-    if not holds:
-        refuse(field, expected, came)
-
-
-def require_known(path: str, name: str, choices: Iterable[str], what: str) -> None:
-    """Refuse a name that is none of the choices."""
-    choices = list(choices)
-    if name not in choices:
-        raise ValueError(unknown(path, name, choices, f"{what} ({', '.join(choices) or 'none'})"))
+#: Names of what a scene has, see ``names_of``.
+BodyName = Annotated[PartName, known("a body")]
+GuideName = Annotated[PartName, known("a guide")]
+BaseName = Annotated[PartName, known(BASE)]
+MovingName = Annotated[PartName, known(MOVING)]
+JointName = Annotated[PartName, known(JOINT)]
+EndName = Annotated[str, known(END)]
+TurningName = Annotated[str, known(TURNING)]
+ObservedName = Annotated[str, known(OBSERVED)]
 
 
 class SceneData(BaseModel):
@@ -101,14 +149,14 @@ class SceneData(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _has_known_keys_and_own_units(cls, data: object) -> object:
+    def _has_known_keys_and_own_units(cls, data: object, info: ValidationInfo) -> object:
         if not isinstance(data, Mapping):
             return data
-        known = cls.model_fields
-        if cls.model_config["extra"] == "forbid" and data.keys() - known.keys():
-            missing = [name for name, field in known.items() if field.is_required() and name not in data]
-            reasons = [f"{name}: expected a value, got nothing" for name in missing]
-            raise SceneError(*reasons, *(unknown_key(key, known) for key in data if key not in known))
+        fields, others = cls.model_fields, cls.model_config["extra"] == "allow"  # which are bodies
+        known = [*fields, *((info.context or {}).get("a body", data) if others else ())]
+        if reasons := [unknown_key(key, known) for key in data if key not in known]:
+            missing = [name for name in fields if fields[name].is_required() and name not in data]
+            raise SceneError(*(f"{name}: expected a value, got nothing" for name in missing), *reasons)
         slopes = next((unit for column, unit in SLOPES.items() if data.get(column) is not None), "N m/s")
         exponent = data.get("exponent") or (1 if data.get("law") in LINEAR_LAWS else HERTZ_EXPONENT)
         return in_own_units(data, end_slopes=slopes, stiffness=f"N/m^{exponent}")
@@ -144,18 +192,22 @@ class SceneData(BaseModel):
 
     def require_if(self, needed: bool, name: str, when: str) -> None:
         """Refuse a field that is missing where it is needed, or there where it has no use."""
-        self.require(
-            (getattr(self, name) is not None) == needed, name, f"{'a value' if needed else 'nothing'} {when}"
-        )
+        expected = f"{'a value' if needed else 'nothing'} {when}"
+        self.require((getattr(self, name) is not None) == needed, name, expected)
 
 
 def _or_a_file(schema: dict[str, Any], kind: "type[Table]") -> None:
-    """Let the JSON schema of a table have a file in place of lists."""
-    lists = [name for name in schema.get("required", ()) if name in kind.COLUMNS]
+    """Let the JSON schema of a table have a file in place of lists, and a drive what its kind needs."""
     schema["properties"]["file"] = {"type": "string", "description": "a CSV file in place of lists"}
-    if lists:
+    if lists := [name for name in schema["required"] if name in kind.COLUMNS]:
         schema["required"] = [name for name in schema["required"] if name not in lists]
         schema["oneOf"] = [{"required": lists}, {"required": ["file"]}]
+    for drive, needed in NEEDED.items() if kind is Drive else ():
+        listed = [{"required": [name for name in needed if name not in ALONG]}]
+        then = {"anyOf": [*listed, *([{"required": ["file"]}] if drive in TABLES else [])]}
+        schema.setdefault("allOf", []).append(
+            {"if": {"properties": {"kind": {"const": drive}}}, "then": then}
+        )
 
 
 class Table(SceneData):
@@ -164,47 +216,57 @@ class Table(SceneData):
     model_config = ConfigDict(json_schema_extra=_or_a_file)
 
     #: The columns: the first one, and others of which there is one at least.
-    COLUMNS: ClassVar[tuple[str, ...]]
+    COLUMNS: ClassVar[tuple[str, ...]] = ()
 
     interpolation: Interpolation = "spline"
+    end_slopes: Pair | None = None
+
+    @classmethod
+    def columns_of(cls, kind: object) -> tuple[str, ...]:
+        """Return the columns of a table, or of a drive of a kind, if that has one."""
+        return cls.COLUMNS or TABLES.get(kind, ())
 
     @model_validator(mode="before")
     @classmethod
     def _has_the_columns_of_its_file(cls, data: object, info: ValidationInfo) -> object:
-        if not isinstance(data, Mapping) or "file" not in data:
+        if not (isinstance(data, Mapping) and "file" in data and (names := cls.columns_of(data.get("kind")))):
             return data
-        file, beside = data["file"], [name for name in cls.COLUMNS if name in data]
+        file, beside = data["file"], [name for name in names if name in data]
         require(not beside, "file", f"nothing beside {one_of(beside)}", file)
-        require(
-            isinstance(file, str) and file.isprintable() and file != "",
-            "file",
-            "the name of a CSV file",
-            file,
-        )
+        require(isinstance(file, str), "file", "the name of a CSV file", file)
         try:
-            columns = read_columns((info.context or {}).get("folder", Path()) / file, cls.COLUMNS)
+            columns = read_columns((info.context or {}).get("folder", Path()) / file, names)
         except BadFile as reason:
             raise ValueError(f"file: {reason}") from None
         return {key: value for key, value in data.items() if key != "file"} | columns
 
-    def table(self, x_name: str, y_name: str, period: float = 0.0) -> data.Table:
-        """Return a column over another."""
-        ends = getattr(self, "end_slopes", None)
-        return data.Table(getattr(self, x_name), getattr(self, y_name), self.interpolation, ends, period)
-
-    def require_table(self, x_name: str, y_name: str) -> None:
+    @model_validator(mode="after")
+    def _is_a_table(self) -> "Table":
         """Refuse columns that are missing, too short, of other lengths, or do not rise; and bad slopes."""
-        for name in (x_name, y_name):
-            self.require_if(True, name, "for a table")
-        x, y, fewest = getattr(self, x_name), getattr(self, y_name), FEWEST_POINTS[self.interpolation]
+        x_name, *names = self.columns_of(getattr(self, "kind", None)) or ("interpolation",)
+        x, columns = getattr(self, x_name), [name for name in names if isinstance(getattr(self, name), tuple)]
+        if not columns and not isinstance(x, tuple):  # numbers in place of a table
+            return self
+        self.require(x is not None, x_name, f"a value beside a list {one_of(columns)}")
+        self.require(
+            columns != [], names[0], f"a list, of it or {one_of(names[1:])}" if names[1:] else "a list"
+        )
+        fewest = FEWEST_POINTS[self.interpolation]
         require(len(x) >= fewest, x_name, f"at least {fewest} numbers", len(x))
-        require(len(y) == len(x), y_name, f"as many numbers as {x_name} has, {len(x)}", len(y))
+        for name in columns:
+            count = len(getattr(self, name))
+            require(count == len(x), name, f"as many numbers as {x_name} has, {len(x)}", count)
         for place, (before, after) in enumerate(pairwise(x), 1):
             rises = STEPS[0] < after - before < STEPS[1]
             require(rises, f"{x_name}.{place}", f"a number > {before:g}, the one before", after)
-        slopes = getattr(self, "end_slopes", None)
-        is_spline = slopes is None or self.interpolation == "spline"
-        require(is_spline, "end_slopes", "nothing with interpolation = 'linear'", slopes)
+        fit = self.end_slopes is None or (len(columns) == 1 and self.interpolation == "spline")
+        self.require(fit, "end_slopes", "nothing with interpolation = 'linear', or with two columns")
+        return self
+
+    def table(self, x_name: str, y_name: str, period: float = 0.0) -> data.Table:
+        """Return a column over another."""
+        x, y = getattr(self, x_name), getattr(self, y_name)
+        return data.Table(x, y, self.interpolation, self.end_slopes, period)
 
 
 # Bodies, guides, springs
@@ -232,18 +294,42 @@ class Guide(SceneData):
     against that, unless it ``turns``: then it is a pin in a slot.
     """
 
-    body: PartName
+    body: BodyName
     pin: PartName
-    on: PartName = "ground"
+    on: BaseName = "ground"
     through_m: Place = 0.0
     angle_rad: Angle = 0.0
     turns: bool = False
 
 
+def pins_of(ground: Ground, bodies: Mapping[str, Body]) -> dict[str, list[str]]:
+    """Return the names of what has each pin: the ground first, then bodies in the order of the file."""
+    places = {"ground": ground.pins_m} | {name: body.pins_m for name, body in bodies.items()}
+    pins = dict.fromkeys(pin for own in places.values() for pin in own)
+    return {pin: [name for name, own in places.items() if pin in own] for pin in pins}
+
+
+def names_of(ground: Ground, bodies: Mapping[str, Body], guides: Iterable[str]) -> dict[str, list[str]]:
+    """Return what a scene has names of, by the words that refuse others."""
+    pins = pins_of(ground, bodies)
+    observed = [f"{pin}.{axis}" for pin, parts in pins.items() if parts != ["ground"] for axis in "xy"]
+    observed += [f"{name}.angle" for name in bodies] + [f"{name}.along" for name in guides]
+    return {
+        "a body": [*bodies],
+        "a guide": [*guides],
+        BASE: ["ground", *bodies],
+        TURNING: ["", *bodies],
+        MOVING: [*bodies, *guides],
+        JOINT: [pin for pin, parts in pins.items() if len(parts) == 2],
+        END: [f"{part}.{pin}" for pin, parts in pins.items() for part in parts],
+        OBSERVED: observed,
+    }
+
+
 class Spring(SceneData):
     """A linear spring, and a damper, between two pins named ``body.pin``."""
 
-    between: Annotated[tuple[str, str], Field(strict=False)]
+    between: Annotated[tuple[EndName, EndName], Field(strict=False)]
     stiffness_N_m: Positive
     free_length_m: NonNegative
     damping_N_s_m: NonNegative = 0.0
@@ -303,29 +389,25 @@ class Clearance(SceneData):
         self.require(below, "radial_clearance_m", f"a number < bearing_radius_m = {radius:g}")
         self.require(self.stiffness is None or not rigid, "stiffness", f"nothing {when}")
         by_material = not rigid and self.stiffness is None
-        for name in ("young_modulus_Pa", "poisson_ratio"):
-            self.require_if(
-                by_material,
-                name,
-                when if rigid else "in place of stiffness" if by_material else "beside stiffness",
-            )
+        material = when if rigid else f"{'in place of' if by_material else 'beside'} stiffness"
+        self.require_if(by_material, "young_modulus_Pa", material)
+        self.require_if(by_material, "poisson_ratio", material)
         self.require_if(self.law in DAMPED_LAWS, "damping_N_s_m", when)
         self.require_if(dissipates or rigid, "restitution", when)
         if dissipates and self.restitution == 0:
             try:
                 DAMPING_FACTORS[self.law](0.0)
             except ZeroDivisionError:
-                refuse("restitution", f"a number > 0 {when}", 0.0)
+                self.require(False, "restitution", f"a number > 0 {when}")
         self.require(dissipates or not self.may_pull, "may_pull", f"false or nothing {when}")
         self.require(not is_linear or self.exponent in (None, 1.0), "exponent", f"1 or nothing {when}")
         return self
 
     def data(self) -> data.ClearanceData:
         """Return the clearance as data of the mechanism."""
-        friction = (
-            None if self.friction is None else data.FrictionLaw(**self.friction.model_dump(exclude_none=True))
-        )
-        return data.ClearanceData(**self.model_dump(exclude={"friction", "bearing"}), friction=friction)
+        of = self.friction
+        rubbing = data.FrictionLaw(**of.model_dump(exclude_none=True)) if of else None
+        return data.ClearanceData(**self.model_dump(exclude={"friction", "bearing"}), friction=rubbing)
 
 
 # Loads
@@ -347,17 +429,15 @@ class Cylinder(Table):
 
     @model_validator(mode="after")
     def _repeats(self) -> "Cylinder":
-        self.require_table(name := self.COLUMNS[0], "force_N")
-        angle, force, end = self.by_angle.x, self.force_N, self.by_angle.x[0] + self.by_angle.period
-        is_period, last = abs(angle[-1] - end) <= REVOLUTION_RAD, len(angle) - 1
-        expected = (
-            f"one revolution or two after the first, {angle[0] + TURN:.6g} or {angle[0] + 2 * TURN:.6g}"
-        )
-        require(is_period, f"{name}.{last}", expected, angle[-1])
-        expected = f"a number < {end:.6g}, where the table repeats"
-        require(angle[-2] < end, f"{name}.{last - 1}", expected, angle[-2])
+        name, angle, force = self.COLUMNS[0], self.by_angle.x, self.force_N
+        last, end = len(angle) - 1, angle[0] + self.by_angle.period
+        turns = f"one revolution or two after the first, {angle[0] + TURN:.6g} or {angle[0] + 2 * TURN:.6g}"
+        require(abs(angle[-1] - end) <= REVOLUTION_RAD, f"{name}.{last}", turns, angle[-1])
+        within = f"a number < {end:.6g}, where the table repeats"
+        require(angle[-2] < end, f"{name}.{last - 1}", within, angle[-2])
         closes = abs(force[-1] - force[0]) <= CLOSES * max(map(abs, force))
         require(closes, f"force_N.{last}", f"the first one again, {force[0]:g}", force[-1])
+        self.require(self.end_slopes is None, "end_slopes", "nothing in a table that repeats")
         return self
 
 
@@ -367,7 +447,7 @@ class Gas(Cylinder):
     COLUMNS = ("angle_rad", "force_N")
 
     angle_rad: Angles
-    body: PartName | None = None
+    body: BodyName | None = None
 
 
 class ByTime(Table):
@@ -378,17 +458,6 @@ class ByTime(Table):
     time_s: Numbers
     force_N: Numbers | None = None
     torque_N_m: Numbers | None = None
-    end_slopes: Pair | None = None
-
-    @model_validator(mode="after")
-    def _is_a_table(self) -> "ByTime":
-        columns = [name for name in ("force_N", "torque_N_m") if getattr(self, name) is not None]
-        self.require(columns != [], "force_N", "it or torque_N_m")
-        for name in columns:
-            self.require_table("time_s", name)
-        one = self.end_slopes is None or len(columns) == 1
-        self.require(one, "end_slopes", "nothing beside both force_N and torque_N_m")
-        return self
 
 
 class Load(SceneData):
@@ -413,6 +482,13 @@ class Load(SceneData):
     along_rad: Angle | None = None
     gas: Gas | None = None
 
+    @property
+    def has_forces(self) -> bool:
+        """Whether anything acts along a line."""
+        by_time = self.by_time and self.by_time.force_N
+        parts = (self.force_N, self.viscous_N_s_m, self.spring_N_m, self.gas, by_time)
+        return any(part is not None for part in parts)
+
     @model_validator(mode="after")
     def _is_some(self) -> "Load":
         torques = (self.by_time, self.torque_N_m, self.viscous_N_m_s)
@@ -422,173 +498,76 @@ class Load(SceneData):
         self.require_if(sprung, "free_position_m", f"{'beside' if sprung else 'without'} spring_N_m")
         return self
 
-    @property
-    def has_forces(self) -> bool:
-        """Whether anything acts along a line."""
-        by_time = None if self.by_time is None else self.by_time.force_N
-        parts = (self.force_N, self.viscous_N_s_m, self.spring_N_m, self.gas, by_time)
-        return any(part is not None for part in parts)
 
+class Drive(Table):
+    """What drives a ``body``, the first of the file unless it is named, or a ``guide``'s body along it.
 
-# What drives a mechanism. A driver that prescribes the motion keeps it whatever it takes. Prescribed speeds
-# are functions of time on the drive's clock, which reads ``start.time_s`` as a run begins. On a body they are
-# in rad/s, along a guide in m/s: fields with ``_m`` and ``_m_s`` take the place of those with ``_rad`` there.
+    Prescribed speeds are kept whatever that takes. They are functions of time on the drive's clock, which
+    reads ``start.time_s`` as a run begins; of a body in rad/s, along a guide in m/s: fields with ``_m`` and
+    ``_m_s`` take the place of those with ``_rad`` there. ``constant-speed`` keeps that of the start.
+    ``ramp`` goes from it to another, and stays there: a start-up, or a stop. It is w0 + (w1 - w0) x^3
+    (10 - 15 x + 6 x^2) with x = t/``ramp_time_s`` up to 1: twice differentiable. ``fluctuating`` is the
+    start's plus ``amplitude_rad_s`` sin(2 pi ``frequency_Hz`` t + ``phase_rad``); what is slower than 1e-9 Hz
+    is constant for as long as anybody waits. ``table`` turns the body from the start's angle on, as
+    ``angle_rad`` does from its first entry on, by a cubic spline of time; ``end_slopes`` are its speeds at
+    both ends. Without them it is not-a-knot there (de Boor's), but at rest at an end whose two angles are
+    equal. Between straight lines the speed jumps: ``linear`` is for a constant speed alone.
 
-
-class AnyDrive(SceneData):
-    """What is driven: a ``body``, the first of the file unless it is named, or a guide's body along it."""
-
-    #: What a drive of a body has, and what one along a guide has in its place.
-    FITTING: ClassVar[tuple[str, ...]] = ()
-
-    kind: str
-    body: PartName | None = None
-    guide: PartName | None = None
-
-    @model_validator(mode="after")
-    def _drives_one_thing(self) -> "AnyDrive":
-        self.require(self.guide is None or self.body is None, "body", "nothing beside guide")
-        along = self.guide is None or self.kind not in ("torque", "motor")
-        self.require(along, "guide", "nothing with a torque, which acts on a body")
-        when = "without guide" if self.guide is None else "beside guide"
-        for name in sorted(self.FITTING, key=lambda name: name == self.fitting):
-            self.require_if(name == self.fitting, name, when)
-        return self
-
-    @property
-    def fitting(self) -> str:
-        """The name of the field that fits what is driven."""
-        return self.FITTING[self.guide is not None]
-
-
-class FreeDrive(AnyDrive):
-    """Nothing drives the mechanism."""
-
-    kind: Literal["free"]
-
-
-class ConstantSpeedDrive(AnyDrive):
-    """What is driven keeps the speed that it starts with."""
-
-    kind: Literal["constant-speed"]
-
-
-class RampDrive(AnyDrive):
-    """The speed goes from the start's to another, and stays there: a start-up, or a stop.
-
-    It is w0 + (w1 - w0) x^3 (10 - 15 x + 6 x^2) with x = t/``ramp_time_s`` up to 1: twice differentiable.
+    ``torque`` is on the body, counter-clockwise positive: constant, or by a table over the clock's time.
+    ``motor`` is a torque by the body's speed: at rest ``stall_torque_N_m``, at ``no_load_speed_rad_s`` none,
+    linear in between and beyond; or by a table, which has its end values beyond its ends.
     """
 
-    FITTING = ("final_speed_rad_s", "final_speed_m_s")
-
-    kind: Literal["ramp"]
+    kind: Literal["free", "constant-speed", "ramp", "fluctuating", "table", "torque", "motor"]
+    body: BodyName | None = None
+    guide: GuideName | None = None
     final_speed_rad_s: float | None = None
     final_speed_m_s: float | None = None
-    ramp_time_s: Positive
-
-
-class FluctuatingDrive(AnyDrive):
-    """The speed is the start's plus ``amplitude_rad_s`` sin(2 pi ``frequency_Hz`` t + ``phase_rad``).
-
-    What is slower than 1e-9 Hz is constant for as long as anybody waits.
-    """
-
-    FITTING = ("amplitude_rad_s", "amplitude_m_s")
-
-    kind: Literal["fluctuating"]
+    ramp_time_s: Positive | None = None
     amplitude_rad_s: NonNegative | None = None
     amplitude_m_s: NonNegative | None = None
-    frequency_Hz: Annotated[float, Field(ge=1e-9)]
+    frequency_Hz: Annotated[float, Field(ge=1e-9)] | None = None
     phase_rad: Angle = 0.0
-
-
-class TableDrive(AnyDrive, Table):
-    """The body turns by a table: from the start's angle on, as ``angle_rad`` does from its first entry on.
-
-    Between the entries the angle is a cubic spline of time. ``end_slopes`` are its speeds in rad/s at both
-    ends. Without them it is not-a-knot there (de Boor's), but at rest at an end whose two angles are equal.
-    Between straight lines the speed jumps: ``linear`` is for a constant speed alone.
-    """
-
-    COLUMNS = ("time_s", "angle_rad", "position_m")
-    FITTING = ("angle_rad", "position_m")
-
-    kind: Literal["table"]
-    time_s: Numbers
+    time_s: Numbers | None = None
     angle_rad: Angles | None = None
     position_m: Numbers | None = None
-    end_slopes: Pair | None = None
-
-    @model_validator(mode="after")
-    def _moves_evenly(self) -> "TableDrive":
-        """Refuse what is no table, and straight lines between which the speed jumps."""
-        self.require_table("time_s", self.fitting)
-        speeds = curve_of(self.course).c[2].tolist() if self.interpolation == "linear" else []
-        for place, (before, after) in enumerate(pairwise(speeds), 1):
-            jump = f"at time_s.{place} the speed would jump from {before:.4g} to {after:.4g}"
-            same = abs(after - before) <= SAME_SPEED * max(map(abs, speeds))
-            self.require(same, "interpolation", f"'spline' ({jump}, by an infinite force)")
-        return self
+    torque_N_m: float | Numbers | None = None
+    stall_torque_N_m: float | None = None
+    no_load_speed_rad_s: float | None = None
+    speed_rad_s: Numbers | None = None
 
     @property
     def course(self) -> data.Table:
         """The angle in rad, or the position in m, over the drive's clock in s."""
-        return self.table("time_s", self.fitting)
-
-
-class TorqueDrive(AnyDrive, Table):
-    """A torque on the body, counter-clockwise positive: constant, or by a table over the clock's time."""
-
-    COLUMNS = ("time_s", "torque_N_m")
-
-    kind: Literal["torque"]
-    torque_N_m: float | Numbers
-    time_s: Numbers | None = None
-    end_slopes: Pair | None = None
+        return self.table("time_s", "position_m" if self.guide else "angle_rad")
 
     @model_validator(mode="after")
-    def _is_a_torque(self) -> "TorqueDrive":
-        by_table = isinstance(self.torque_N_m, tuple)
-        self.require_if(by_table, "time_s", f"{'beside' if by_table else 'without'} a list torque_N_m")
-        if by_table:
-            self.require_table(*self.COLUMNS)
+    def _fits_its_kind(self) -> "Drive":
+        kind, along = self.kind, self.guide is not None
+        self.require(not along or self.body is None, "body", "nothing beside guide")
+        acts = not along or kind not in ("torque", "motor")
+        self.require(acts, "guide", "nothing with a torque, which acts on a body")
+        table, by_speed = self.columns_of(kind), self.speed_rad_s is not None
+        of_body = table if by_speed else NEEDED.get(kind, ())
+        needed = [ALONG.get(name, name) if along else name for name in of_body]
+        may = {*needed, *MAY_HAVE.get(kind, ()), *(("interpolation", "end_slopes") if table else ())}
+        fields = type(self).model_fields
+        given = {name for name in fields if getattr(self, name) != fields[name].default}
+        when = f"with kind = '{kind}'{' along a guide' if along else ' by a table' if by_speed else ''}"
+        wrong = [name for name in fields if name in given - may - {"kind", "body", "guide"}]
+        reasons = [f"{name}: expected nothing {when}, got {shown(getattr(self, name))}" for name in wrong]
+        reasons += [f"{name}: expected a value {when}, got nothing" for name in needed if name not in given]
+        if reasons:
+            raise SceneError(*reasons)
+        if kind == "table" and self.interpolation == "linear":
+            speeds = np.diff(self.course.y) / np.diff(self.course.x)
+            even = bool(np.ptp(speeds) <= SAME_SPEED * abs(speeds).max())
+            self.require(even, "interpolation", "'spline' (else the speed would jump, by an infinite force)")
+        if (stall := self.stall_torque_N_m) is not None:
+            self.require(stall != 0, "stall_torque_N_m", "a number other than 0")
+            same = (self.no_load_speed_rad_s or 0.0) * math.copysign(1.0, stall) > 0
+            self.require(same, "no_load_speed_rad_s", "a number of the sign of stall_torque_N_m, not 0")
         return self
-
-
-class MotorDrive(AnyDrive, Table):
-    """A torque by the body's speed: linear through two points and beyond them, or by a table.
-
-    At rest it is ``stall_torque_N_m``, at ``no_load_speed_rad_s`` none; faster than that the motor brakes. A
-    table of ``torque_N_m`` over ``speed_rad_s`` has its end values beyond its ends.
-    """
-
-    COLUMNS = ("speed_rad_s", "torque_N_m")
-
-    kind: Literal["motor"]
-    stall_torque_N_m: float | None = None
-    no_load_speed_rad_s: float | None = None
-    speed_rad_s: Numbers | None = None
-    torque_N_m: Numbers | None = None
-    end_slopes: Pair | None = None
-
-    @model_validator(mode="after")
-    def _drives(self) -> "MotorDrive":
-        by_table = self.speed_rad_s is not None or self.torque_N_m is not None
-        for name in ("stall_torque_N_m", "no_load_speed_rad_s"):
-            self.require_if(not by_table, name, f"{'beside' if by_table else 'without'} a table")
-        if by_table:
-            self.require_table(*self.COLUMNS)
-        stall, speed = self.stall_torque_N_m, self.no_load_speed_rad_s
-        self.require(stall != 0, "stall_torque_N_m", "a number other than 0")
-        same = by_table or math.copysign(1.0, stall or 0.0) * (speed or 0.0) > 0
-        self.require(same, "no_load_speed_rad_s", "a number of the sign of stall_torque_N_m, not 0")
-        return self
-
-
-Drive = Annotated[
-    FreeDrive | ConstantSpeedDrive | RampDrive | FluctuatingDrive | TableDrive | TorqueDrive | MotorDrive,
-    Field(discriminator="kind"),
-]
 
 
 # Starts
@@ -616,11 +595,11 @@ class PlacedStart(SceneData):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, BodyState] = Field(init=False)
 
-    angle_rad: Named[Angle] = {}
-    position_m: Named[float] = {}
-    hold: Annotated[tuple[PartName, ...], Field(strict=False)] = ()
-    speed_rad_s: Named[float] = {}
-    speed_m_s: Named[float] = {}
+    angle_rad: dict[BodyName, Angle] = {}
+    position_m: dict[GuideName, float] = {}
+    hold: Annotated[tuple[MovingName, ...], Field(strict=False)] = ()
+    speed_rad_s: dict[BodyName, float] = {}
+    speed_m_s: dict[GuideName, float] = {}
     time_s: Clock = 0.0
 
     @property
@@ -636,55 +615,10 @@ class Top(SceneData):
     1e-100 s nothing happens, and steps are lost below the least numbers there are.
     """
 
-    name: Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect(PRINTED)]
+    name: Annotated[
+        str,
+        Field(pattern=r"^[^\s=+\-@＝＋－＠]"),
+        expect("a string that is not empty and begins with neither a blank nor =, +, - or @"),
+    ]
     end_time_s: Annotated[float, Field(gt=0, ge=1e-100)]
     gravity_m_s2: Annotated[NonNegative | Pair, expect("a finite number >= 0 or a list of two")] = 0.0
-
-
-class Sections(Top):
-    """Any planar mechanism in motion: bodies that share pins, guides, springs, loads, a drive.
-
-    ``observe`` is what the scene is about: a pin's x or y, a body's angle, or the way along a guide, as
-    "B.x", "B.y", "body.angle" or "guide.along". ``turning`` is the body whose turns are revolutions, "" for
-    none; it is the driven one unless it is named.
-    """
-
-    observe: str
-    turning: str | None = None
-    ground: Ground = Ground(pins_m={})
-    body: Annotated[Named[Body], Field(min_length=1)]
-    guide: Named[Guide] = {}
-    spring: Named[Spring] = {}
-    load: Named[Load] = {}
-    drive: Drive = FreeDrive(kind="free")
-    clearance: Named[Clearance] = {}
-    start: PlacedStart = PlacedStart()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _has_parts_of_its_own(cls, data: object) -> object:
-        """Refuse parts that no engine runs yet, and what is neither a key of the start nor a body."""
-        if not isinstance(data, Mapping):
-            return data
-        names = {part: [*data[part]] for part in data if isinstance(data[part], Mapping)}
-        later = [(part, name) for part in ("film", "friction") for name in names.get(part, ())]
-        later += [
-            ("clearance", name) for name in names.get("clearance", ()) if name in names.get("guide", ())
-        ]
-        for part, name in later:
-            refuse(f"{part}.{name}", "nothing yet, which no engine runs so far", data[part][name])
-        known = [*PlacedStart.model_fields, *names.get("body", ())]
-        for name in names.get("start", ()):
-            require_known(f"start.{name}", name, known, "a key of start or a body")
-        return data
-
-    @property
-    def gravity(self) -> tuple[float, float]:
-        """Gravity as an acceleration (x, y) in m/s^2."""
-        own = self.gravity_m_s2
-        return own if isinstance(own, tuple) else (0.0, -own)
-
-    @property
-    def driven(self) -> str:
-        """The name of the driven body, or guide."""
-        return self.drive.guide or self.drive.body or next(iter(self.body))

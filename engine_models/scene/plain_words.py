@@ -20,7 +20,6 @@ JsonSchema = dict[str, Any]
 
 BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
 SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
-NO_TAG = ("union_tag_invalid", "union_tag_not_found")
 #: Beginnings of pydantic's words, and what stands for them.
 WORDS = {
     r"\w+ should (be|have) ": "",
@@ -29,7 +28,7 @@ WORDS = {
     r"a valid boolean.*": "true or false",
     r"a valid integer.*": "an integer",
     r"a valid (\w+).*": r"a \1",
-    r"Field required|Unable to extract tag.*": "a value",
+    r"Field required": "a value",
     r"(at (least|most) \d+ items?) after.*": r"\1",
 }
 #: Longest piece of the input that a message repeats, and most reasons that it gives.
@@ -56,15 +55,11 @@ def fields(kind: Any) -> dict[str, JsonSchema]:
 
 def expectation(schema: JsonSchema) -> str:
     """Return what a field with this JSON schema takes: ``a number > 0``, ``"rk4" or "dop853"``."""
-    choices = [choice for choice in schema.get("anyOf", [schema]) if choice["type"] != "null"]
-    texts = [
-        one_of([*map(shown, choice.get("enum", ()))])
-        or " and ".join(
-            [choice["type"], *(f"{sign} {choice[key]}" for key, sign in BOUNDS.items() if key in choice)]
-        )
-        for choice in choices
-    ]
-    return one_of(texts)
+    texts = []
+    for choice in schema.get("anyOf", [schema]):
+        limits = [f"{sign} {choice[key]}" for key, sign in BOUNDS.items() if key in choice]
+        texts += [*map(shown, choice.get("enum", ()))] or [" and ".join([choice["type"], *limits])]
+    return one_of([text for text in texts if text != "null"])
 
 
 def one_of(choices: list[str]) -> str:
@@ -89,20 +84,19 @@ def unknown_key(key: object, known: Iterable[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as a TOML file would have it, shortened, on one line."""
+    """Return a value as a TOML file would have it, shortened."""
     if isinstance(value, Mapping):
         return "a section" if value else "an empty section"
     if isinstance(value, list | tuple):
         return "a list"
     if isinstance(value, str | bool):
-        return shortened(json.dumps(value, ensure_ascii=not str(value).isprintable()))
-    return shortened(typed(value))
+        return shortened(json.dumps(value, ensure_ascii=False))
+    return "nothing" if value is None else shortened(typed(value))
 
 
 def shown_key(key: object) -> str:
-    """Return a key as a TOML file would have it, shortened, on one line."""
-    text = typed(key)
-    return shortened(text if text and text.isprintable() else json.dumps(text))
+    """Return a key as a TOML file would have it, shortened."""
+    return shortened(typed(key)) or '""'
 
 
 def typed(value: object) -> str:
@@ -147,33 +141,29 @@ def refusals(error: ValidationError, data: Mapping[str, object], known: Iterable
 
 def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
     """Return the reasons of an error, whose location has the chosen type of a union too."""
-    kind, context, path = error["type"], error.get("ctx", {}), list[str]()
-    *location, last = (step for step in error["loc"] if step != "[key]") if error["loc"] else ("",)
-    for step in (*location, last):
+    kind, context, path, of_key = error["type"], error.get("ctx", {}), list[str](), "[key]" in error["loc"]
+    steps = [step for step in error["loc"] if step != "[key]"] or [""]
+    for step in steps:
         try:
             data = data[step]
             path.append(shown_key(step))
         except (KeyError, IndexError, TypeError):
-            if step == last and (kind == "missing" or "[key]" in error["loc"]):
-                path.append(shown_key(step))
+            path += [shown_key(step)] if step == steps[-1] and (kind == "missing" or of_key) else []
     if kind == "value_error":
         reasons = getattr(context["error"], "reasons", [str(context["error"])])
         return [".".join([*path, reason]) for reason in reasons]
     if kind == "extra_forbidden":
-        return [unknown_key(last, known)]
-    if kind in NO_TAG:
-        path.append(tag := context["discriminator"].strip("'"))
-        data = data.get(tag)
-    choices = re.findall(r"'([^']*)'", context.get("expected_tags", context.get("expected", "")))
+        return [unknown_key(steps[-1], known)]
+    choices = re.findall(r"'([^']*)'", context.get("expected", ""))
     expected = one_of(list(map(shown, choices))) or error["msg"]
     for words, plain in WORDS.items():
         expected = re.sub(f"^{words}", plain, expected)
     for bound, sign in SIGNS.items():
         expected = f"a number {sign} {context[bound]:g}" if bound in context else expected
     unit = next((unit for name in reversed(path) if (unit := unit_of(name))), None)
-    if "[key]" in error["loc"]:
-        data = last
-    elif unit and isinstance(error["input"], str):
+    if of_key:
+        data = steps[-1]
+    elif unit and isinstance(error["input"], str) and kind != "known":
         expected += f", or text with a unit such as '1 {unit}'"
-    is_absent = kind == "missing" or (kind in NO_TAG and data is None)
-    return [unknown(".".join(path), data, choices, expected, "nothing" if is_absent else shown(data))]
+    choices = context.get("known", choices)
+    return [unknown(".".join(path), data, choices, expected, "nothing" if kind == "missing" else "")]

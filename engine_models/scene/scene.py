@@ -1,25 +1,51 @@
-"""A scene: one planar mechanism in motion, from its start to its end, as frozen data that fits together."""
+"""A scene: one planar mechanism in motion, from its start to its end, as frozen data that fits together.
 
+It is checked by its names, resolved to the mechanism that engines build from, and put together at its start.
+"""
+
+import math
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 
+import numpy as np
 import tomli_w
-from pydantic import PrivateAttr, ValidationInfo, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
+from engine_models.scene import format as form
 from engine_models.scene.arguments import check_arguments
-from engine_models.scene.checks import check_parts
-from engine_models.scene.format import Clearance, SceneError, Sections
-from engine_models.scene.mechanism import markers_of, mechanism_data, number_of, pins_of, point_of
-from engine_models.scene.plain_words import expect
-from engine_models.scene.short import OF_GENERAL, CrankSlider, Link, Slider, in_short
-from engine_models.scene.start import Placed, placed
+from engine_models.scene.format import Named, Place, SceneError, require, require_known
+from engine_models.scene.plain_words import expect, one_of, shown
+from engine_models.scene.short import OF_GENERAL, CrankSlider, Link, Slider, assembled, in_short
 from reference_solver.mechanism import data
-from reference_solver.mechanism.data import Point
+from reference_solver.mechanism.data import GROUND, Course, Motion, Point
+from reference_solver.mechanism.loads import distance_m
+from reference_solver.mechanism.motions import curve_of, going_on, moved
+from reference_solver.tape import FloatArray
 
+if TYPE_CHECKING:
+    from reference_solver.mechanism import assembly
+
+Kind = TypeVar("Kind")
 #: The path of a field, or values by their paths.
 Fields = Annotated[str | Mapping[str, object], expect("a string or a mapping of names to values")]
+#: Parts of the format that no engine runs so far.
+Later = Named[Annotated[None, expect("nothing yet, which no engine runs so far")]]
+#: What moves by less has not moved, and a table may end before its scene by this part.
+ROUND_OFF = 1e-12
+#: A scene that a table drives begins at another speed than the table's by this part of the fastest in it: a
+#: coarse table is not differentiated more sharply, other units are far off.
+ALIKE = 0.1
+
+
+class Placed(NamedTuple):
+    """A start: q and v, (3b,) each; what was moved to put it together, in words, None if it was not."""
+
+    q: tuple[float, ...]
+    v: tuple[float, ...]
+    moved: str | None = None
 
 
 class Observed(NamedTuple):
@@ -40,17 +66,46 @@ class Observed(NamedTuple):
         return "rad" if self.what == "angle" else "m"
 
 
-class Scene(Sections):
-    """A scene whose sections fit together, put together at its start; see ``Sections``."""
+class Scene(form.Top):
+    """Any planar mechanism in motion: bodies that share pins, guides, springs, loads, a drive.
+
+    ``observe`` is what the scene is about: a pin's x or y, a body's angle, or the way along a guide, as
+    "B.x", "B.y", "body.angle" or "guide.along". ``turning`` is the body whose turns are revolutions, "" for
+    none; it is the driven one unless it is named. The parts fit together, and are put together at the start.
+    """
+
+    model_config = ConfigDict(validate_default=True)
+
+    ground: form.Ground = form.Ground(pins_m={})
+    body: Annotated[Named[form.Body], Field(min_length=1)]
+    guide: Named[form.Guide] = Field({})
+    observe: form.ObservedName
+    turning: form.TurningName | None = None
+    spring: Named[form.Spring] = Field({})
+    load: dict[form.BodyName, form.Load] = Field({})
+    drive: form.Drive = form.Drive(kind="free")
+    clearance: dict[form.JointName, form.Clearance] = Field({})
+    start: form.PlacedStart = form.PlacedStart()
+    film: Later = Field({})
+    friction: Later = Field({})
 
     _short: CrankSlider | None = PrivateAttr(None)
-    _placed: Placed = PrivateAttr()
+
+    @field_validator("body", "guide")
+    @classmethod
+    def _names_are_known_to_later_parts(cls, part: Any, info: ValidationInfo) -> Any:
+        own, taken = info.data | {info.field_name: part}, ["ground", *form.PlacedStart.model_fields]
+        for name in own.get("body", ()):
+            require(name not in taken, name, f"a name other than {one_of(taken)}", name)
+        if info.context is not None and {"ground", "body"} <= own.keys():
+            info.context.update(form.names_of(own["ground"], own["body"], own.get("guide", {})))
+        return part
 
     @model_validator(mode="after")
     def _hangs_together(self, info: ValidationInfo) -> "Scene":
         self._short = (info.context or {}).get("short")
-        check_parts(self)
-        self._placed = placed(self, self.mechanism, self._short)
+        _check_parts(self)
+        self.placed  # noqa: B018  put together, or refused
         return self
 
     @classmethod
@@ -60,7 +115,11 @@ class Scene(Sections):
         Raises:
             SceneError: it is none.
         """
-        if "crank" not in data and data.keys() & {*OF_GENERAL}:
+        general = [name for name in OF_GENERAL if name in data]
+        if general and "crank" in data:
+            came = shown(data[general[0]])
+            raise SceneError(f"{general[0]}: expected nothing beside crank (the short form), got {came}")
+        if general:
             return super().checked(data, folder)
         short = CrankSlider.checked(data, folder)
         try:
@@ -110,45 +169,67 @@ class Scene(Sections):
     @property
     def short(self) -> CrankSlider:
         """The scene in the short spelling, in which it has to be written."""
-        assert self._short is not None, (
-            f"scene {self.name}: another mechanism than a crank-slider or a pendulum"
-        )
+        assert self._short is not None, f"scene {self.name}: neither a crank-slider nor a pendulum"
         return self._short
 
     def crank_slider(self) -> tuple[Link, Link, Slider]:
         """Return crank, rod and slider of a scene that is written as a crank-slider."""
-        assert self.short.rod is not None
-        assert self.short.slider is not None
-        return self.short.crank, self.short.rod, self.short.slider
+        rod, slider = self.short.rod, self.short.slider
+        assert rod is not None
+        assert slider is not None
+        return self.short.crank, rod, slider
+
+    def number(self, name: str) -> int:
+        """Return the number of a body, or of the ground."""
+        return GROUND if name == "ground" else [*self.body].index(name)
+
+    def point(self, name: str, place: str | Place) -> Point:
+        """Return a pin or a place of a body from its centre of mass, or of the ground from the origin."""
+        centre: Place = 0.0 if name == "ground" else self.body[name].centre_of_mass_m
+        if isinstance(place, str):
+            place = (self.ground if name == "ground" else self.body[name]).pins_m[place]
+        (x, y), (x0, y0) = (each if isinstance(each, tuple) else (each, 0.0) for each in (place, centre))
+        return x - x0, y - y0
+
+    @cached_property
+    def pins(self) -> dict[str, list[str]]:
+        """The names of what has each pin: the ground first, then bodies in the order of the file."""
+        return form.pins_of(self.ground, self.body)
+
+    @property
+    def markers(self) -> dict[str, tuple[int, Point]]:
+        """The pins of no joint, guide or spring, by their names: the body of each, and its point there."""
+        used = {guide.pin for guide in self.guide.values()}
+        used |= {end.partition(".")[2] for spring in self.spring.values() for end in spring.between}
+        alone = {pin: names[0] for pin, names in self.pins.items() if len(names) == 1 and pin not in used}
+        return {pin: (self.number(name), self.point(name, pin)) for pin, name in alone.items()}
 
     @cached_property
     def mechanism(self) -> data.MechanismData:
         """The mechanism by names, from which engines build it."""
-        return mechanism_data(self)
+        return _mechanism(self)
 
-    @property
+    @cached_property
     def placed(self) -> Placed:
         """The start: coordinates and velocities of all bodies."""
-        return self._placed
+        return _placed(self, self._short)
 
     @property
     def observed(self) -> Observed:
         """What the scene is about."""
         name, _, axis = self.observe.rpartition(".")
-        if axis == "angle":
-            return Observed(self.observe, "angle", number_of(self, name))
+        what: Any = axis
         if axis == "along":
             guide = self.mechanism.guides[[*self.guide].index(name)]
-            return Observed(self.observe, "along", guide.body_j, guide.point_j, guide)
-        last = pins_of(self)[name][-1]
-        what: Literal["x", "y"] = "x" if axis == "x" else "y"
-        return Observed(self.observe, what, number_of(self, last), point_of(self, last, name))
+            return Observed(self.observe, what, guide.body_j, guide.point_j, guide)
+        last = name if axis == "angle" else self.pins[name][-1]
+        point = (0.0, 0.0) if axis == "angle" else self.point(last, name)
+        return Observed(self.observe, what, self.number(last), point)
 
     @property
-    def markers(self) -> dict[str, tuple[int, Point]]:
-        """The pins of no joint, guide or spring, by their names: the body of each, and its point there."""
-        markers = markers_of(self).items()
-        return {pin: (number_of(self, body), point_of(self, body, pin)) for pin, body in markers}
+    def driven(self) -> str:
+        """The name of the driven body, or guide."""
+        return self.drive.guide or self.drive.body or next(iter(self.body))
 
     @property
     def turning_body(self) -> int | None:
@@ -157,10 +238,11 @@ class Scene(Sections):
         It is that of ``turning``; without it the driven one, or the first, where the ground has its pin.
         """
         if self.turning is not None:
-            return number_of(self, self.turning) if self.turning else None
-        body = self.drive.body or next(iter(self.body))
-        is_pinned = self.ground.pins_m.keys() & self.body[body].pins_m.keys()
-        return number_of(self, body) if is_pinned and self.drive.guide is None else None
+            return self.number(self.turning) if self.turning else None
+        is_pinned = (
+            self.drive.guide is None and self.ground.pins_m.keys() & self.body[self.driven].pins_m.keys()
+        )
+        return self.number(self.driven) if is_pinned else None
 
     @property
     def speed_is_prescribed(self) -> bool:
@@ -173,7 +255,7 @@ class Scene(Sections):
         return tuple(pin.name for pin in self.mechanism.pins)
 
     @property
-    def clearances(self) -> dict[str, Clearance]:
+    def clearances(self) -> dict[str, form.Clearance]:
         """The clearances of the joints that have one, by the joints' names, in their order."""
         return {name: self.clearance[name] for name in self.joints if name in self.clearance}
 
@@ -195,3 +277,252 @@ def with_fields(data: dict[str, Any], fields: Mapping[str, object]) -> dict[str,
         if value is None:
             del part[names[-1]]
     return data
+
+
+def _check_parts(scene: Scene) -> None:
+    """Raise ValueError, with the entry and what was expected, where parts do not fit each other."""
+    _check_joints(scene)
+    _check_drive(scene)
+    for name, load in scene.load.items():
+        path, guides = f"load.{name}", [it for it, part in scene.guide.items() if part.body == name]
+        if load.guide is not None:
+            require_known(f"{path}.guide", load.guide, guides, f"a guide of {name}")
+        one = load.guide is not None or len(guides) < 2 or not load.has_forces
+        require(one, f"{path}.guide", one_of(guides), None)
+        fits = (load.along_rad is not None) == (load.has_forces and not guides)
+        told = "a number for a force without a guide, and only there"
+        require(fits, f"{path}.along_rad", told, load.along_rad)
+        driven = load.gas is None or load.gas.body or scene.drive.body
+        require(driven is not None, f"{path}.gas.body", "a body, or drive.body", None)
+    start, both = scene.start, scene.body.keys() & scene.guide.keys()
+    for place, name in enumerate(start.hold):
+        require(name not in both, f"start.hold.{place}", "a name that is of a body or of a guide", name)
+    for name in scene.body if start.states else ():
+        require(name in start.states, f"start.{name}", "the state of every body or of none", None)
+    for key in ("angle_rad", "position_m", "hold") if start.states else ():
+        came = getattr(start, key)
+        require(not came, f"start.{key}", "nothing beside the state of every body", came)
+
+
+def _check_joints(scene: Scene) -> None:
+    for name, guide in scene.guide.items():
+        require(name not in scene.pins, f"guide.{name}", "a name that no pin has", name)
+        require_known(f"guide.{name}.pin", guide.pin, scene.body[guide.body].pins_m, f"a pin of {guide.body}")
+        require(guide.on != guide.body, f"guide.{name}.on", "ground or another body", guide.on)
+    for name, spring in scene.spring.items():
+        first, second = (end.partition(".")[0] for end in spring.between)
+        require(first != second, f"spring.{name}.between", "pins of two bodies", spring.between)
+    for pin, (number, _) in scene.markers.items():
+        expected = f"a pin that a body has too ({', '.join(name for name in scene.pins if name != pin)})"
+        require(number != GROUND, f"ground.pins_m.{pin}", expected, pin)
+    places = [[(0.0, 0.0), *(scene.point(name, pin) for pin in it.pins_m)] for name, it in scene.body.items()]
+    longest = max(math.dist(a, b) for points in places for a in points for b in points)
+    for name, room in scene.clearance.items():
+        bodies, c = scene.pins[name], room.radial_clearance_m
+        require_known(f"clearance.{name}.bearing", room.bearing or bodies[0], bodies, f"what has pin {name}")
+        expected = f"a number < {longest:g}, the largest distance between two joints of a body"
+        require(c < longest or not longest, f"clearance.{name}.radial_clearance_m", expected, c)
+
+
+def _check_drive(scene: Scene) -> None:
+    """Refuse a drive of what cannot turn, and tables shorter than the scene."""
+    begin_s, end_s = scene.start.time_s, scene.start.time_s + scene.end_time_s
+    on_ground = {guide.body for guide in scene.guide.values() if guide.on == "ground" and not guide.turns}
+    turns = scene.drive.kind == "free" or scene.driven not in on_ground
+    require(turns, "drive.body", "a body that can turn, which no guide of the ground holds", scene.driven)
+    times = {f"load.{name}.by_time": it.by_time.time_s for name, it in scene.load.items() if it.by_time}
+    for path, time in (times | {"drive": scene.drive.time_s or ()}).items():
+        if time:
+            first, last = f"{path}.time_s.0", f"{path}.time_s.{len(time) - 1}"
+            require(time[0] <= begin_s, first, f"a number <= {begin_s:g}, when the scene begins", time[0])
+            lasts = time[-1] >= end_s * (1 - ROUND_OFF)
+            require(lasts, last, f"at least {end_s:g}, when the scene ends", time[-1])
+
+
+def _data(kind: type[Kind], part: object, **others: Any) -> Kind:
+    """Return a dataclass with those fields of a part that have its fields' names and a value, and others."""
+    own = {field.name: getattr(part, field.name, None) for field in fields(kind)}  # type: ignore[arg-type]
+    return kind(**{name: value for name, value in own.items() if value is not None} | others)
+
+
+def _mechanism(scene: Scene) -> data.MechanismData:
+    """Return the mechanism by names of a scene whose parts fit each other.
+
+    A pin is a joint from the first part that has it to each other, named PIN or, of three or more, PIN.BODY.
+    """
+    rooms = {pin: scene.clearance[pin].data() if pin in scene.clearance else None for pin in scene.pins}
+    pins = tuple(
+        data.Pin(
+            **_ends(scene, (first, pin), (other, pin)),
+            name=pin if len(others) == 1 else f"{pin}.{other}",
+            clearance=rooms[pin],
+            bearing_on_j=pin in scene.clearance and scene.clearance[pin].bearing == other,
+        )
+        for pin, (first, *others) in scene.pins.items()
+        for other in others
+    )
+    guides = tuple(
+        _data(data.Guide, it, name=name, **_ends(scene, (it.on, it.through_m), (it.body, it.pin)))
+        for name, it in scene.guide.items()
+    )
+    springs = tuple(
+        _data(data.Spring, it, name=name, **_ends(scene, *(end.split(".") for end in it.between)))
+        for name, it in scene.spring.items()
+    )
+    bodies = tuple(_data(data.Body, it, name=name) for name, it in scene.body.items())
+    loads = tuple(_load(scene, name, it, guides) for name, it in scene.load.items())
+    gravity = scene.gravity_m_s2 if isinstance(scene.gravity_m_s2, tuple) else (0.0, -scene.gravity_m_s2)
+    drive = _drive(scene, bodies, guides)
+    return data.MechanismData(bodies, pins, guides, springs, loads, drive, gravity)
+
+
+def _ends(scene: Scene, i: Any, j: Any) -> dict[str, Any]:
+    """Return the fields of ``data.Ends`` between two places or pins of bodies, each (body, place)."""
+    numbers = {"body_i": scene.number(i[0]), "body_j": scene.number(j[0])}
+    return numbers | {"point_i": scene.point(*i), "point_j": scene.point(*j)}
+
+
+def _load(scene: Scene, name: str, load: form.Load, guides: tuple[data.Guide, ...]) -> data.Load:
+    """Return a load: its forces act along a guide of the body, or along a line through its centre of mass."""
+    body, line, gas, by_time = scene.number(name), None, load.gas, load.by_time
+    if load.has_forces:
+        fixed = data.Line(GROUND, (0.0, 0.0), body, (0.0, 0.0), load.along_rad or 0.0)
+        line = next((it for it in guides if it.body_j == body and load.guide in (None, it.name)), fixed)
+    tables = {
+        f"{column.partition('_')[0]}_by_time": by_time.table("time_s", column)
+        for column in ("force_N", "torque_N_m")
+        if by_time and getattr(by_time, column)
+    }
+    of_gas = gas and data.GasData(scene.number(gas.body or scene.driven), gas.by_angle)
+    return _data(data.Load, load, body=body, line=line, gas=of_gas, **tables)
+
+
+def _drive(scene: Scene, bodies: tuple[data.Body, ...], guides: tuple[data.Guide, ...]) -> data.DriveData:
+    """Return the drive; the speed at the start is that told of what is driven, or that of a given state."""
+    from reference_solver.mechanism.assembly import Joints  # most scenes do without
+
+    drive, start, name, number = scene.drive, scene.start, scene.driven, None
+    if drive.guide is None:
+        body, speed = scene.number(name), start.speed_rad_s.get(name)
+        if speed is None and start.states:
+            speed = start.states[name].angular_velocity_rad_s
+    else:
+        number = [*scene.guide].index(name)
+        body, speed = guides[number].body_j, start.speed_m_s.get(name)
+        if speed is None and start.states:
+            q, v = state_of(scene)
+            speed = float(Joints(data.MechanismData(bodies, (), guides)).way_rows(q)[number] @ v)
+    speed = speed or 0.0
+    law: data.DriveLaw | None = None
+    match drive.kind:
+        case "constant-speed":
+            law = data.ConstantSpeed(speed)
+        case "ramp":
+            last = drive.final_speed_rad_s if number is None else drive.final_speed_m_s
+            law = _data(data.Ramp, drive, first=speed, last=last, duration_s=drive.ramp_time_s)
+        case "fluctuating":
+            amplitude = drive.amplitude_rad_s if number is None else drive.amplitude_m_s
+            law = _data(data.Fluctuation, drive, mean=speed, amplitude=amplitude)
+        case "table":
+            law = data.Course(drive.course)
+        case "torque":
+            by_time = {"torque_N_m": drive.table("time_s", "torque_N_m")} if drive.time_s else {}
+            law = _data(data.Torque, drive, **by_time)
+        case "motor":
+            table = drive.table("speed_rad_s", "torque_N_m") if drive.speed_rad_s else None
+            law = _data(data.Motor, drive, table=table)
+    return data.DriveData(body, number, law, start.time_s)
+
+
+def state_of(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Return the given states of all bodies as coordinates and velocities, (n,) each."""
+    states = np.array([[*scene.start.states[name].model_dump().values()] for name in scene.body])
+    return states[:, :3].ravel(), states[:, 3:].ravel()
+
+
+def _placed(scene: Scene, short: CrankSlider | None) -> Placed:
+    """Return the start of a scene whose parts fit each other, and that may be spelt short.
+
+    Raises:
+        ValueError: there is no such start.
+    """
+    from reference_solver.mechanism.assembly import NotAssembled, assemble, require_closed  # most do without
+
+    of, words, told = scene.mechanism, None, _told(scene)
+    try:
+        if scene.start.states:
+            q, v = state_of(scene)
+            require_closed(of, q, v)
+        elif short is not None and short.guide == (0.0, 0.0) and not told.speed_m_s:
+            q, v = assembled(short, short.start.crank_angle_rad, told.speed_rad_s.get(0, 0.0))
+        else:
+            start, what = assemble(of, told), "guide" if scene.drive.guide else "body"
+            moves = scene.drive.kind == "free" or start.drive_moves
+            require(moves, f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
+            q, v, told_ways = start.q, start.v, [name in scene.start.position_m for name in scene.guide]
+            changes = [(f"{name} turned by", "rad") for name in scene.body]
+            changes += [(f"{name} moved along by", "m") for name in scene.guide]
+            sizes = np.abs([*start.turned_rad, *start.moved_m * told_ways])
+            by = [
+                f"{what} {x:.3g} {unit}"
+                for (what, unit), x in zip(changes, sizes, strict=True)
+                if x > ROUND_OFF
+            ]
+            words = ", ".join(by) or "nothing moved"
+    except NotAssembled as reason:
+        raise ValueError(_refused(scene, str(reason))) from None
+    for spring in of.springs:
+        has_length = spring.free_length_m > 0 or spring.damping_N_s_m > 0
+        apart = not has_length or distance_m(spring, q.reshape(1, -1))[0] > ROUND_OFF * spring.free_length_m
+        expected = "ends that are apart at the start (else its force has no direction)"
+        require(bool(apart), f"spring.{spring.name}.between", expected, "both at one place")
+    return Placed(tuple(q.ravel().tolist()), tuple(v.ravel().tolist()), words)
+
+
+def _refused(scene: Scene, reason: str) -> str:
+    """Return why there is no such start, with the entry that tells what does not hold."""
+    start, expected = scene.start, reason.partition(", got")[0]
+    if "speeds" not in expected or start.states:
+        return f"start.hold: {reason}" if "held" in expected and start.hold else f"start: {reason}"
+    drives = scene.speed_is_prescribed and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
+    also = f" (that of {scene.driven}, by the drive, among them)" if drives else ""
+    key = "speed_m_s" if start.speed_m_s and not start.speed_rad_s else "speed_rad_s"
+    return f"start.{key}: {reason}{also}"
+
+
+def _told(scene: Scene) -> "assembly.Told":
+    """Return what the file tells of the start, by numbers, with the speed of what is driven."""
+    from reference_solver.mechanism.assembly import Told
+
+    start, drive, held = scene.start, scene.mechanism.drive, held_at_start(scene)
+    bodies = {name: number for number, name in enumerate(scene.body)}
+    guides = {name: number for number, name in enumerate(scene.guide)}
+    angles = {bodies[name]: angle for name, angle in start.angle_rad.items()}
+    ways = {guides[name]: way for name, way in start.position_m.items()}
+    speeds = {bodies[name]: speed for name, speed in start.speed_rad_s.items()}
+    along = {guides[name]: speed for name, speed in start.speed_m_s.items()}
+    if isinstance(drive.law, Motion):
+        driven, number = (speeds, drive.body) if drive.guide is None else (along, drive.guide)
+        speed = float(moved(going_on(drive.law, drive.clock_s), 0.0)[1])
+        if isinstance(drive.law, Course) and number in driven:
+            rates = curve_of(drive.law.table).derivative()(drive.law.table.x)
+            alike = abs(driven[number] - speed) <= ALIKE * max(map(abs, rates))
+            field = f"start.speed_{'rad_s' if drive.guide is None else 'm_s'}.{scene.driven}"
+            expected = f"the speed of the drive's table when the scene begins, {speed:.4g}"
+            require(alike, field, expected, driven[number])
+        if speed or speeds or along:
+            driven[number] = speed
+    held_bodies = tuple(bodies[name] for name in held if name in bodies)
+    held_guides = tuple(guides[name] for name in held if name in guides)
+    return Told(angles, ways, held_bodies, held_guides, speeds, along)
+
+
+def held_at_start(scene: Scene) -> tuple[str, ...]:
+    """Return the bodies and guides whose values are held.
+
+    Unless ``hold`` names them, it is what is driven, else the first body or guide told.
+    """
+    if scene.start.hold or scene.drive.kind != "free":
+        return scene.start.hold or (scene.driven,)
+    told = [name for name in scene.body if name in scene.start.angle_rad]
+    return (*told, *scene.start.position_m)[:1]

@@ -9,32 +9,17 @@ joint (O for the crank, A for the rod). A pendulum is a crank alone, hanging fro
 
 import math
 import re
-from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from engine_models.scene.format import (
-    Angle,
-    Angles,
-    BodyState,
-    Clearance,
-    Clock,
-    Cylinder,
-    Drive,
-    Load,
-    Named,
-    Positive,
-    SceneData,
-    Spring,
-    Top,
-    require,
-)
+from engine_models.scene import format as form
+from engine_models.scene.format import Angle, BodyState, Named, Positive, SceneData, require
+from reference_solver.tape import FloatArray
 
 #: Entries that the general spelling alone has, by which a file without a crank is of that spelling.
 OF_GENERAL = ("body", "ground", "guide", "observe")
-#: The name of the slider's guide.
-GUIDE = "guide"
 
 
 class Link(SceneData):
@@ -67,35 +52,35 @@ class Start(SceneData):
     crank_angle_rad: Angle
     crank_speed_rad_s: float = 0.0
     speed_m_s: Named[float] | None = None
-    time_s: Clock = 0.0
+    time_s: form.Clock = 0.0
     crank: BodyState | None = None
     rod: BodyState | None = None
     slider: BodyState | None = None
 
     @model_validator(mode="after")
     def _tells_one_speed(self) -> "Start":
-        has_one = self.speed_m_s is not None or "crank_speed_rad_s" in self.model_fields_set
-        require(has_one, "crank_speed_rad_s", "a number", None)
+        told = "crank_speed_rad_s" in self.model_fields_set
+        require(told or self.speed_m_s is not None, "crank_speed_rad_s", "a number", None)
         alone = self.speed_m_s is None or self.crank_speed_rad_s == 0
-        require(alone, "crank_speed_rad_s", "nothing beside speed_m_s", self.crank_speed_rad_s)
+        self.require(alone, "crank_speed_rad_s", "nothing beside speed_m_s")
         return self
 
 
-class CrankGas(Cylinder):
+class CrankGas(form.Cylinder):
     """A force by the crank's angle: see ``[load.NAME.gas]``."""
 
     COLUMNS = ("crank_angle_rad", "force_N")
 
-    crank_angle_rad: Angles
+    crank_angle_rad: form.Angles
 
 
-class CrankLoad(Load):
+class CrankLoad(form.Load):
     """Forces and torques as of any body; ``gas`` goes by the crank's angle."""
 
     gas: CrankGas | None = None  # type: ignore[assignment]
 
 
-class CrankSlider(Top):
+class CrankSlider(form.Top):
     """A file with a crank: bodies, joints, loads, drive, start and end of a crank-slider.
 
     Without rod and slider it is a physical pendulum: the crank alone, in joint O.
@@ -105,84 +90,99 @@ class CrankSlider(Top):
     rod: Link | None = None
     slider: Slider | None = None
     start: Start
-    drive: Drive
+    drive: form.Drive
     load: Named[CrankLoad] = Field({})
-    spring: Named[Spring] = Field({})
-    clearance: Named[Clearance] = Field({})
-
-    @model_validator(mode="before")
-    @classmethod
-    def _has_no_general_part(cls, data: object) -> object:
-        if isinstance(data, Mapping) and "crank" in data:
-            for name in OF_GENERAL:
-                require(name not in data, name, "nothing beside crank (the short form)", data.get(name))
-        return data
+    spring: Named[form.Spring] = Field({})
+    clearance: Named[form.Clearance] = Field({})
 
     @model_validator(mode="after")
     def _can_be_assembled(self) -> "CrankSlider":
         missing, both = "rod" if self.rod is None else "slider", (self.rod is None) == (self.slider is None)
-        require(both, missing, "a section: rod and slider together, or none", None)
+        self.require(both, missing, "a section: rod and slider together, or none")
         if self.rod is None:
             return self
         crank, rod, (tilt, offset) = self.crank.length_m, self.rod.length_m, self.guide
-        if self.drive.kind != "free" and self.drive.guide is None:
-            longest, also = crank + abs(offset), " + |slider.guide_offset_m|" if offset else ""
-            expected = f"at least crank.length_m{also} = {longest:g} with drive.kind = '{self.drive.kind}'"
-            require(rod >= longest, "rod.length_m", f"{expected} (else the crank cannot turn)", rod)
+        longest, also = crank + abs(offset), " + |slider.guide_offset_m|" if offset else ""
+        turns = self.drive.kind == "free" or self.drive.guide is not None or rod >= longest
+        driven = f"with drive.kind = '{self.drive.kind}' (else the crank cannot turn)"
+        require(turns, "rod.length_m", f"at least crank.length_m{also} = {longest:g} {driven}", rod)
         height = abs(crank * math.sin(self.start.crank_angle_rad - tilt) - offset)
-        expected = (
+        reached = (
             f"more than the distance of pin A from the guide = {height:g} (else the rod cannot reach it)"
         )
-        require(rod > height, "rod.length_m", expected, rod)
+        require(rod > height, "rod.length_m", reached, rod)
         return self
 
     @property
     def guide(self) -> tuple[float, float]:
         """Angle in rad and offset in m of the slider's guide, 0 of a pendulum."""
-        return (
-            (0.0, 0.0) if self.slider is None else (self.slider.guide_angle_rad, self.slider.guide_offset_m)
-        )
+        return (self.slider.guide_angle_rad, self.slider.guide_offset_m) if self.slider else (0.0, 0.0)
 
     def general(self) -> dict[str, Any]:
-        """Return the same scene in the general spelling."""
-        data = self.as_written()
-        bodies = dict[str, Any]()
+        """Return the same scene in the general spelling.
+
+        At the start the slider lies in the guide's direction from pin A, which is at r cos along the guide
+        and at r sin across it, of the crank's angle from the guide's.
+        """
+        data, (angle, offset) = self.as_written(), self.guide
+        crank, start, bodies = self.crank, data["start"], dict[str, Any]()
         for name, near, far in (("crank", "O", "A"), ("rod", "A", "B")):
             if link := data.pop(name, None):
                 bodies[name] = {"pins_m": {near: 0.0, far: link.pop("length_m")}, **link}
-        data |= {"observe": "A.x", "turning": "crank", "ground": {"pins_m": {"O": 0.0}}, "body": bodies}
-        if self.slider is not None:
-            del data["slider"]
-            angle, offset = self.guide
+        data |= {"body": bodies, "ground": {"pins_m": {"O": 0.0}}, "observe": "A.x", "turning": "crank"}
+        angles = {"crank": start.pop("crank_angle_rad")}
+        if slider := data.pop("slider", None):
             through = (-offset * math.sin(angle), offset * math.cos(angle))
-            block = {"mass_kg": self.slider.mass_kg, "inertia_kg_m2": self.slider.inertia_kg_m2}
+            block = {key: value for key, value in slider.items() if not key.startswith("guide")}
             bodies["slider"] = {"pins_m": {"B": 0.0}, **block}
-            data["guide"] = {GUIDE: {"body": "slider", "pin": "B", "through_m": through, "angle_rad": angle}}
-            data["observe"] = f"{GUIDE}.along"
+            data["guide"] = {
+                "guide": {"body": "slider", "pin": "B", "through_m": through, "angle_rad": angle}
+            }
+            data["observe"] = "guide.along"
+            across = offset - crank.length_m * math.sin(angles["crank"] - angle)
+            angles["rod"] = angle + math.asin(max(-1.0, min(1.0, across / bodies["rod"]["pins_m"]["B"])))
         for load in data.get("load", {}).values():
             if gas := load.get("gas"):
                 gas |= {"angle_rad": gas.pop("crank_angle_rad"), "body": "crank"}
         if self.drive.guide is None:
             data["drive"] = {"body": "crank", **data["drive"]}
-        start = data["start"]
-        angle, speed = start.pop("crank_angle_rad"), start.pop("crank_speed_rad_s", 0.0)
+        speed = start.pop("crank_speed_rad_s", 0.0)
         if self.start.speed_m_s is None:
             start["speed_rad_s"] = {"crank": speed}
         if self.start.crank is None:
-            rod = {} if self.rod is None else {"rod": self._rod_angle_rad(self.rod)}
-            start |= {"angle_rad": {"crank": angle, **rod}, "hold": ["crank"]}
+            start |= {"angle_rad": angles, "hold": ["crank"]}
         return data
-
-    def _rod_angle_rad(self, rod: Link) -> float:
-        """Return the rod's angle at the start: the slider lies in the guide's direction from pin A.
-
-        Along the guide pin A is at r cos, across it at r sin of the crank's angle from the guide's.
-        """
-        angle, offset = self.guide
-        across = offset - self.crank.length_m * math.sin(self.start.crank_angle_rad - angle)
-        return angle + math.asin(max(-1.0, min(1.0, across / rod.length_m)))
 
 
 def in_short(path: str) -> str:
     """Return the path of a field, or a reason that begins with one, as the short spelling has it."""
     return re.sub(r"^start\.(angle|speed)_rad(_s)?(\.crank)?(?=:|$)", r"start.crank_\1_rad\2", path)
+
+
+def assembled(short: CrankSlider, angle_rad: float, speed_rad_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities, each (3, 3), of a crank-slider whose guide is on the x axis.
+
+    They are those of crank, rod and slider by (x, y, phi) of the centre of mass, at a crank angle and speed;
+    of a pendulum (1, 3). The rod is on the side of its acute angle: the slider lies to the right of pin A.
+    """
+    crank, theta, omega = short.crank, angle_rad, speed_rad_s
+    state = np.zeros((2, 1 if short.rod is None else 3, 3))
+    state[:, 0, :2] = along_axis(crank.centre_of_mass_m, theta, omega)
+    state[:, 0, 2] = theta, omega
+    if (rod := short.rod) is not None:
+        r, length = crank.length_m, rod.length_m
+        phi = np.arcsin(-r / length * np.sin(theta))
+        phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
+        pin = along_axis(r, theta, omega)
+        state[:, 1, :2] = pin + along_axis(rod.centre_of_mass_m, phi, phi_rate)
+        state[:, 1, 2] = phi, phi_rate
+        state[:, 2, 0] = (pin + along_axis(length, phi, phi_rate))[:, 0]
+    return state[0], state[1]
+
+
+def along_axis(distance_m: float, angle_rad: float, rate_rad_s: float) -> FloatArray:
+    """Return the vector of a distance along a turning axis, and its derivative, (2, 2)."""
+    x, y = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array(
+        [[distance_m * x, distance_m * y], [-distance_m * rate_rad_s * y, distance_m * rate_rad_s * x]]
+    )

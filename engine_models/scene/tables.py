@@ -6,7 +6,6 @@ columns, numbers may have decimal commas.
 
 import csv
 import math
-import stat
 from pathlib import Path
 
 from engine_models.scene.plain_words import shortened, shown
@@ -16,7 +15,6 @@ from engine_models.scene.units import NUMBER, converted
 LARGEST_BYTES = {"a table": 1_000_000, "a scene": 5_000_000}
 #: Where a shell puts pipes that it has opened, which cannot keep us waiting for somebody to open them.
 OPENED = (Path("/dev/stdin"), Path("/dev/fd"))
-KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
 
 
 class BadFile(ValueError):
@@ -32,9 +30,9 @@ def read_text(path: Path, what: str) -> str:
         BadFile: it cannot be read, is too large, or not UTF-8 text.
     """
     try:
-        kind = stat.S_IFMT(path.stat().st_mode)
-        if kind not in (stat.S_IFREG, stat.S_IFDIR) and not {path, path.parent} & set(OPENED):
-            raise BadFile(f"{path}: expected a file that can be read, got {KINDS.get(kind, 'a device')}")
+        waits = not (path.is_file() or path.is_dir() or {path, path.parent} & {*OPENED})
+        if path.exists() and waits:
+            raise BadFile(f"{path}: expected a file that can be read, got a pipe or a device")
         with path.open("rb") as file:
             data = file.read(LARGEST_BYTES[what] + 1)
         text = data.decode("utf-8-sig")  # Windows' editors put a mark first
@@ -55,27 +53,22 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> dict[str, list[float]]
     Raises:
         BadFile: the file cannot be read, or is no table of these columns.
     """
-    content = read_text(path, "a table")
+    content, named = read_text(path, "a table"), f"{columns[0]} and {' or '.join(columns[1:])}"
     first = content.partition("\n")[0]
     separator = ";" if first.count(";") > first.count(",") else ","
     reader = csv.reader(content.splitlines(), delimiter=separator, skipinitialspace=True)
-    numbered = ((number, [cell.strip() for cell in row]) for number, row in enumerate(reader, 1))
-    (_, head), *rows = [(number, row) for number, row in numbered if any(row)] or [(1, [""])]
-    out, named = dict[str, list[float]](), f"{columns[0]} and {' or '.join(columns[1:])}"
-    for column in columns:
-        factors = {place: 1.0 for place, name in enumerate(head) if name == column} or {
-            place: factor for place, name in enumerate(head) if (factor := converted(column, name))
-        }
-        if len(factors) > 1 or (column == columns[0] and not factors):
-            out.clear()
-            break
-        for place, factor in factors.items():
-            out[column] = [
-                factor * _number(f"{path} line {line}", row[place:], column, separator) for line, row in rows
-            ]
-    if len(out) < 2:
+    numbered = ((line, [cell.strip() for cell in row]) for line, row in enumerate(reader, 1))
+    (_, head), *rows = [(line, row) for line, row in numbered if any(row)] or [(1, [""])]
+    places = {column: [at for at, name in enumerate(head) if converted(column, name)] for column in columns}
+    counts = [len(at) for at in places.values()]
+    if counts[0] != 1 or max(counts) > 1 or sum(counts) < 2:
         came = shown(", ".join(head)) if any(head) else "nothing"
         raise BadFile(f"{path}: expected the columns {named} in its first line, got {came}")
+    out = dict[str, list[float]]()
+    for column, at in places.items():
+        for place in at:
+            numbers = [_number(f"{path} line {line}", row[place:], column, separator) for line, row in rows]
+            out[column] = [converted(column, head[place]) * number for number in numbers]
     return out
 
 
@@ -84,6 +77,5 @@ def _number(where: str, cells: list[str], column: str, separator: str) -> float:
     typed = cells[0] if cells else ""
     number = typed.replace(",", ".") if separator == ";" else typed
     if not (NUMBER.fullmatch(number) and math.isfinite(float(number))):
-        came = shown(typed) if typed else "nothing"
-        raise BadFile(f"{where}: expected a finite number for {column}, got {came}")
+        raise BadFile(f"{where}: expected a finite number for {column}, got {shown(typed or None)}")
     return float(number)

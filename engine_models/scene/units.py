@@ -46,14 +46,16 @@ def unit_of(name: str) -> str | None:
     return UNITS.get(_end(name))
 
 
-def converted(name: str, other: str) -> float | None:
+def converted(name: str, other: str) -> float:
     """Return by what numbers of a column ``other`` become those of a field: 1e-3 of time_ms for time_s.
 
-    None where they are not the same but for the unit.
+    It is 0 where they are not the same but for the unit.
     """
     stem = name.removesuffix(_end(name))
+    if name == other or not other.startswith(stem):
+        return float(name == other)
     factor = in_unit(f"1 {other.removeprefix(stem).replace('_', ' ')}", UNITS[_end(name)])
-    return factor if other.startswith(stem) and isinstance(factor, float) else None
+    return factor if isinstance(factor, float) else 0.0
 
 
 def in_own_units(data: Mapping[str, Any], **units: str) -> dict[str, Any]:
@@ -72,8 +74,7 @@ def in_unit(value: Any, unit: str) -> Any:
         return [in_unit(each, unit) for each in value]
     if isinstance(value, Mapping):
         return {name: in_unit(each, unit) for name, each in value.items()}
-    typed = QUANTITY.fullmatch(value) if isinstance(value, str) else None
-    if typed is None:
+    if not (isinstance(value, str) and (typed := QUANTITY.fullmatch(value))):
         return value
     registry = _registry()
     try:

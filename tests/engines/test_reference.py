@@ -84,7 +84,7 @@ Extra = Callable[[float, float, float, Path], float]
 
 def balance(of: Scene, at: Path) -> tuple[float, float, float]:
     """Return M, M'/2 and gravity's force on the crank's angle."""
-    (tilt, _), (gx, gy) = of.short.guide, of.gravity
+    (tilt, _), (gx, gy) = of.short.guide, of.mechanism.gravity_m_s2
     weight = complex(gx, gy) * cmath.exp(-1j * tilt)
     inertia = half = force = 0.0
     for body, p1, p2, a1, a2 in zip(of.mechanism.bodies, at.first, at.second, at.turn, at.bend, strict=True):

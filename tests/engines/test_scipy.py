@@ -46,7 +46,7 @@ def test_steps_are_no_longer_than_asked() -> None:
 def test_a_touch_within_a_long_step_is_not_missed(method: str) -> None:
     """Flight is a parabola, which steps of any length follow: the pin is beyond the wall for 0.3 ms of 15."""
     pendulum, c = SCENES["clearance-pendulum"](), 5e-4
-    g, s = -pendulum.gravity[1], pendulum.short.crank.centre_of_mass_m
+    g, s = -pendulum.mechanism.gravity_m_s2[1], pendulum.short.crank.centre_of_mass_m
     found = []
     for height in (c + 1e-7, c - 1e-7):
         state = {"x_m": 0.0, "y_m": -s, "angle_rad": -np.pi / 2, "velocity_x_m_s": 0.0}

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
-from engine_models.scene.start import assembled
+from engine_models.scene.short import assembled
 from reference_solver.mechanism.data import GROUND, Guide
 from reference_solver.mechanism.data import Point as Place
 from reference_solver.mechanism.mechanism import Mechanism

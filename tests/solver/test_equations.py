@@ -18,8 +18,7 @@ from engine_models.minimal.forces import Forces
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.scene import Scene
-from engine_models.scene.short import CrankLoad
-from engine_models.scene.start import assembled
+from engine_models.scene.short import CrankLoad, assembled
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contacts import CONTACT, exponent_of, stiffness_of
 from reference_solver.tape import Node, Scalar, Tape, Value
@@ -164,7 +163,7 @@ def ideal() -> Written:
         load = Forces(scene).act(np.zeros(1), position[None], velocity[None]).parts
         inertia = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in bodies])
         lack = inertia * acceleration.reshape(3, 3)
-        lack[:, 1] += [body.mass_kg * -scene.gravity[1] for body in bodies]
+        lack[:, 1] += [body.mass_kg * -scene.mechanism.gravity_m_s2[1] for body in bodies]
         lack[2] -= [sum(force[0] for force in load.values()), guide, moment]
         for joint, body, reach, sign in ends:
             (x, y), angle = sign * forces[2 * joint : 2 * joint + 2], position[body, 2]
@@ -199,7 +198,7 @@ def loose() -> Written:
         friction = -rubbing.coefficient * normal * np.tanh(sliding / rubbing.regularisation_speed_m_s)
         force = -normal * n + friction * np.array([-n[1], n[0]])
         torque = arm * friction - s * (along[0] * force[1] - along[1] * force[0])
-        weight = np.array([0.0, scene.gravity[1]])
+        weight = np.array([0.0, scene.mechanism.gravity_m_s2[1]])
         states.append(np.array([*(reach * n + s * along), turn, x_rate, y_rate, spin]))
         rates = normal, (normal - spring) * rate, -friction * sliding
         expected.append(np.array([*(force / crank.mass_kg + weight), torque / crank.inertia_kg_m2, *rates]))

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from engine_models.engine import Engine, RunSettings
 from engine_models.engines import make_engine
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.scene.format import Drive, RampDrive
+from engine_models.scene.format import Drive
 from engine_models.scene.library import ideal_compressor, ideal_driven
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankGas, CrankLoad
@@ -71,7 +71,7 @@ def test_motions_are_integral_and_derivative_of_their_speeds() -> None:
     ids=["rk4", "dop853", "scipy"],
 )
 def test_a_ramp_within_a_step_is_cut_into_steps_enough(engine: Engine, step_s: float) -> None:
-    of = scene(100.0, RampDrive(kind="ramp", final_speed_rad_s=-50.0, ramp_time_s=1e-6), 0.004)
+    of = scene(100.0, Drive(kind="ramp", final_speed_rad_s=-50.0, ramp_time_s=1e-6), 0.004)
     found, true = engine.simulate(of, RunSettings(step_s, SAMPLES)), exact(of, SAMPLES)
     assert np.abs(found.position[:, -1, 0] - true.position[:, -1, 0]).max() < 1e-9
     # RK4's quadrature of a polynomial of degree 9 in sixteen steps: 4e-6 measured.

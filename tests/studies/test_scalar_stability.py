@@ -15,7 +15,7 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engine import FloatArray, RunSettings
 from engine_models.engines import make_engine
-from engine_models.scene.format import BodyState, Clearance, FreeDrive
+from engine_models.scene.format import BodyState, Clearance, Drive
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import Link, Start
 from studies.stability import ALPHA, ARMS, EULER, LIMIT, RK4
@@ -77,7 +77,7 @@ def oscillator(damping_ratio: float, step_s: float, steps: int) -> Scene:
             "gravity_m_s2": DEPTH_M * FREQUENCY_RAD_S**2,
             "crank": Link(length_m=0.12, mass_kg=MASS_KG, inertia_kg_m2=2.5e-4, centre_of_mass_m=CENTRE_M),
             "start": Start(crank_angle_rad=-math.pi / 2, crank_speed_rad_s=0.0, crank=hanging),
-            "drive": FreeDrive(kind="free"),
+            "drive": Drive(kind="free"),
             "clearance": {"O": bearing},
         }
     )

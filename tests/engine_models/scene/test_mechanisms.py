@@ -123,7 +123,7 @@ def test_gas_goes_by_the_driven_body_unless_it_names_one() -> None:
     ],
 )
 def test_gravity_is_a_number_along_minus_y_or_a_pair(said: str, gravity: tuple[float, float]) -> None:
-    assert from_toml(changed(FOUR_BAR, ("gravity_m_s2 = 9.81\n", said))).gravity == gravity
+    assert from_toml(changed(FOUR_BAR, ("gravity_m_s2 = 9.81\n", said))).mechanism.gravity_m_s2 == gravity
 
 
 @pytest.mark.parametrize(

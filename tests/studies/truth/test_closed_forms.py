@@ -9,7 +9,7 @@ from scipy.special import ellipj, ellipk
 
 from engine_models.engine import Trajectory
 from engine_models.minimal.model import LimitPosition
-from engine_models.scene.format import Drive, FluctuatingDrive, MotorDrive, RampDrive, TableDrive
+from engine_models.scene.format import Drive
 from engine_models.scene.library import IDEAL_SCENES, SCENES, ideal_driven, ideal_free, ideal_torque
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankGas, CrankLoad
@@ -38,10 +38,10 @@ def driven(drive: Drive, scene: Scene | None = None, **start: float) -> Scene:
     return of.model_copy(update={"start": of.short.start.model_copy(update=start)})
 
 
-def table(end_time_s: float) -> TableDrive:
+def table(end_time_s: float) -> Drive:
     time = np.linspace(0.0, end_time_s, 41)
     angle = 0.3 + SPEED * time + 0.05 * np.sin(540 * time)
-    return TableDrive(kind="table", time_s=tuple(time.tolist()), angle_rad=tuple(angle.tolist()))
+    return Drive(kind="table", time_s=tuple(time.tolist()), angle_rad=tuple(angle.tolist()))
 
 
 def gas(peak_N: float, points: int = 17) -> CrankGas:
@@ -52,9 +52,9 @@ def gas(peak_N: float, points: int = 17) -> CrankGas:
     return CrankGas(crank_angle_rad=tuple(angle.tolist()), force_N=tuple(force.tolist()))
 
 
-RAMP = RampDrive(kind="ramp", final_speed_rad_s=700.0, ramp_time_s=0.015)
-FLUCTUATING = FluctuatingDrive(kind="fluctuating", amplitude_rad_s=30.0, frequency_Hz=170.0, phase_rad=0.4)
-MOTOR = MotorDrive(kind="motor", stall_torque_N_m=1.2, no_load_speed_rad_s=80.0)
+RAMP = Drive(kind="ramp", final_speed_rad_s=700.0, ramp_time_s=0.015)
+FLUCTUATING = Drive(kind="fluctuating", amplitude_rad_s=30.0, frequency_Hz=170.0, phase_rad=0.4)
+MOTOR = Drive(kind="motor", stall_torque_N_m=1.2, no_load_speed_rad_s=80.0)
 PRESCRIBED = {
     "constant-speed": ideal_driven(),
     "ramp": driven(RAMP),
@@ -169,7 +169,7 @@ def test_a_wheel_on_a_dry_bearing_is_braked_evenly() -> None:
     """Friction mu N at the pin's surface, of N = m g cos(atan mu), less half of the depth: 6e-4 of it."""
     scene = gallery()["friction 1"].scene
     truth = truth_of(scene)
-    room, weight = scene.clearances["O"], scene.short.crank.mass_kg * -scene.gravity[1]
+    room, weight = scene.clearances["O"], scene.short.crank.mass_kg * -scene.mechanism.gravity_m_s2[1]
     pin = room.bearing_radius_m - room.radial_clearance_m - truth.contacts["O"].penetration_m.mean() / 2
     braking = weight * np.cos(np.pi / 4) * pin / scene.short.crank.inertia_kg_m2
     spin = scene.short.start.crank_speed_rad_s - braking * truth.time_s

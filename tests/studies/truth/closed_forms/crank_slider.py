@@ -91,7 +91,7 @@ def crank_acceleration(scene: Scene, of: Any = np) -> Callable[[Any, Any], Any]:
 
     Of arrays (n,), or with ``math`` for ``of`` of numbers, ten times as fast.
     """
-    m, g = masses(scene).ravel().tolist(), -scene.gravity[1]
+    m, g = masses(scene).ravel().tolist(), -scene.mechanism.gravity_m_s2[1]
     torque, parts = drive_torque(scene), list(load_parts(scene).values())
 
     def acceleration(theta: Any, speed: Any) -> Any:
@@ -162,11 +162,12 @@ Prescribed = Callable[[Any], tuple[Any, Any, Any]]
 
 def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
     """Return the motion that a drive prescribes, and the times at which a higher derivative of it jumps."""
-    drive, first, begin = scene.drive, scene.short.start.crank_speed_rad_s, scene.start.time_s
+    first, begin = scene.short.start.crank_speed_rad_s, scene.start.time_s
+    drive: Any = scene.drive
     if drive.kind == "ramp":
         T, change, x_0 = (
             drive.ramp_time_s,
-            (drive.final_speed_rad_s or 0.0) - first,
+            drive.final_speed_rad_s - first,
             min(begin / drive.ramp_time_s, 1.0),
         )
         # Expanded about the start, so that nothing cancels: the integral of S from x_0 to x_0 + h.
@@ -180,7 +181,7 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
 
         return ramp, (T - begin,)
     if drive.kind == "fluctuating":
-        rate, swing = TURN * drive.frequency_Hz, (drive.amplitude_rad_s or 0.0)
+        rate, swing = TURN * drive.frequency_Hz, drive.amplitude_rad_s
         phase = drive.phase_rad + rate * begin
 
         def fluctuate(t: Any) -> tuple[Any, Any, Any]:
@@ -190,7 +191,7 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
 
         return fluctuate, ()
     if drive.kind == "table" and drive.interpolation != "linear":
-        times, angles = drive.time_s, (drive.angle_rad or ())
+        times, angles = drive.time_s, drive.angle_rad
         ends = drive.end_slopes or [
             0.0 if angles[end] == angles[beside] else None for end, beside in ((0, 1), (-1, -2))
         ]
@@ -203,9 +204,7 @@ def prescribed_motion(scene: Scene) -> tuple[Prescribed, Sequence[float]]:
 
         return tabled, [time - begin for time in times]
     if drive.kind == "table":
-        first = ((drive.angle_rad or ())[-1] - (drive.angle_rad or ())[0]) / (
-            drive.time_s[-1] - drive.time_s[0]
-        )
+        first = (drive.angle_rad[-1] - drive.angle_rad[0]) / (drive.time_s[-1] - drive.time_s[0])
     return lambda t: (first * t, first + 0.0 * t, 0.0 * t), ()
 
 
@@ -305,7 +304,7 @@ def exact(scene: Scene, samples: int) -> Trajectory:
     elif scene.drive.kind == "motor":
         work, torque = sums[-1], drive_torque(scene)(speed)
     elif scene.speed_is_prescribed:
-        m, g = masses(scene), -scene.gravity[1]
+        m, g = masses(scene), -scene.mechanism.gravity_m_s2[1]
         energy = np.sum(m * velocity**2, axis=(1, 2)) / 2 + g * np.sum(m[:, 0] * X[:, :, 1], axis=1)
         work = energy - energy[0] - sum(works.values())
     return Trajectory(
@@ -329,7 +328,9 @@ def _reactions(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return joint forces (n, 3, 2), guide force (n,) and driver torque (n,), slider first."""
     inertial = masses(scene) * acceleration
-    inertial[..., 1] += masses(scene)[:, 0] * -scene.gravity[1]  # every force but the joints' moved left
+    inertial[..., 1] += (
+        masses(scene)[:, 0] * -scene.mechanism.gravity_m_s2[1]
+    )  # every force but the joints' moved left
     inertial[:, 2, 0] -= load_N
     crank, rod, slider = (inertial[:, i] for i in range(3))
     _, link, _ = scene.crank_slider()
