@@ -33,8 +33,8 @@ from engine_models.scene.plain_words import (
     fields,
     one_of,
     refusal,
-    setting,
     shown,
+    typed,
     unknown,
 )
 from engine_models.scene.scene import Scene
@@ -134,7 +134,7 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
         raise BadInput(str(reason)) from None
     try:
         engine: Engine = TypeAdapter(kind).validate_strings(
-            {key: setting(it) for key, it in settings.items()}
+            {key: typed(it) for key, it in settings.items()}
         )
     except ValidationError as error:
         raise BadInput(refusal(error, settings, fields(kind))) from None

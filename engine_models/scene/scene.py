@@ -79,12 +79,12 @@ class Scene(form.Top):
     ground: form.Ground = form.Ground(pins_m={})
     body: Annotated[Named[form.Body], Field(min_length=1)]
     guide: Named[form.Guide] = Field({})
-    observe: form.ObservedName
-    turning: form.TurningName | None = None
+    observe: Annotated[str, form.known(form.OBSERVED)]
+    turning: Annotated[str, form.known(form.TURNING)] | None = None
     spring: Named[form.Spring] = Field({})
     load: dict[form.BodyName, form.Load] = Field({})
     drive: form.Drive = form.Drive(kind="free")
-    clearance: dict[form.JointName, form.Clearance] = Field({})
+    clearance: dict[Annotated[form.PartName, form.known(form.JOINT)], form.Clearance] = Field({})
     start: form.PlacedStart = form.PlacedStart()
     film: Later = Field({})
     friction: Later = Field({})
@@ -110,11 +110,7 @@ class Scene(form.Top):
 
     @classmethod
     def checked(cls, data: Mapping[str, Any], folder: Path = Path(), **_: Any) -> "Scene":
-        """Return the scene that a mapping describes, in the short spelling or in the general one.
-
-        Raises:
-            SceneError: it is none.
-        """
+        """Return the scene that a mapping describes, in either spelling; raise SceneError if it is none."""
         general = [name for name in OF_GENERAL if name in data]
         if general and "crank" in data:
             came = shown(data[general[0]])
@@ -136,10 +132,8 @@ class Scene(form.Top):
         """Return the scene with another value in a field: ``replace("clearance.B.restitution", 0.5)``.
 
         Several fields, checked together, are given as a mapping. None takes a part away, and what there is
-        not yet comes to be: ``replace("clearance.B", None)`` makes a joint ideal.
-
-        Raises:
-            SceneError: with the new values it is no scene.
+        not yet comes to be: ``replace("clearance.B", None)`` makes a joint ideal. Raises SceneError where it
+        is no scene with the new values.
         """
         fields = {field: value} if isinstance(field, str) else field
         return self.checked(with_fields(self.as_written(), fields))
@@ -441,11 +435,7 @@ def state_of(scene: Scene) -> tuple[FloatArray, FloatArray]:
 
 
 def _placed(scene: Scene, short: CrankSlider | None) -> Placed:
-    """Return the start of a scene whose parts fit each other, and that may be spelt short.
-
-    Raises:
-        ValueError: there is no such start.
-    """
+    """Return the start of a scene whose parts fit each other; raise ValueError if there is none."""
     from reference_solver.mechanism.assembly import NotAssembled, assemble, require_closed  # most do without
 
     of, words, told = scene.mechanism, None, _told(scene)
