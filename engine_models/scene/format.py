@@ -439,9 +439,9 @@ class Load(SceneData):
     By the way s along a line and its rate s': ``force_N`` is constant; ``viscous_N_s_m`` -c s', friction of a
     guide; ``spring_N_m`` -k (s - ``free_position_m``). On a body in a guide they act at the guide's pin along
     it, and push back on what it is on; ``guide`` names one where the body has two. On another body they act
-    on the centre of mass, along ``along_rad`` from the x axis of the global frame. By the angle phi of the
-    body: ``torque_N_m`` is constant, ``viscous_N_m_s`` -c phi'. ``gas`` goes by the angle of a body,
-    ``by_time`` by the drive's clock.
+    on the centre of mass, or at a ``pin`` of the body, along ``along_rad`` from the x axis of the global
+    frame. By the angle phi of the body: ``torque_N_m`` is constant, ``viscous_N_m_s`` -c phi'. ``gas`` goes
+    by the angle of a body, ``by_time`` by the drive's clock.
     """
 
     force_N: float | None = None
@@ -452,6 +452,7 @@ class Load(SceneData):
     torque_N_m: float | None = None
     viscous_N_m_s: NonNegative | None = None
     guide: PartName | None = None
+    pin: PartName | None = None
     along_rad: Angle | None = None
     gas: Gas | None = None
 

@@ -283,9 +283,11 @@ def _check_parts(scene: Scene) -> None:
             require_known(f"{path}.guide", load.guide, guides, f"a guide of {name}")
         one = load.guide is not None or len(guides) < 2 or not load.has_forces
         require(one, f"{path}.guide", one_of(guides), None)
-        fits = (load.along_rad is not None) == (load.has_forces and not guides)
-        told = "a number for a force without a guide, and only there"
-        require(fits, f"{path}.along_rad", told, load.along_rad)
+        alone, told = load.has_forces and not guides, "a number for a force without a guide, and only there"
+        require((load.along_rad is not None) == alone, f"{path}.along_rad", told, load.along_rad)
+        if load.pin is not None:
+            pins = scene.body[name].pins_m if alone else ()
+            require_known(f"{path}.pin", load.pin, pins, f"a pin of {name} for a force without a guide")
         driven = load.gas is None or load.gas.body or scene.drive.body
         require(driven is not None, f"{path}.gas.body", "a body, or drive.body", None)
     start, both = scene.start, scene.body.keys() & scene.guide.keys()
@@ -377,10 +379,11 @@ def _ends(scene: Scene, i: Any, j: Any) -> dict[str, Any]:
 
 
 def _load(scene: Scene, name: str, load: form.Load, guides: tuple[data.Guide, ...]) -> data.Load:
-    """Return a load: its forces act along a guide of the body, or along a line through its centre of mass."""
+    """Return a load: its forces act along a guide of the body, or a line through a pin or its centre."""
     body, line, gas, by_time = scene.number(name), None, load.gas, load.by_time
     if load.has_forces:
-        fixed = data.Line(GROUND, (0.0, 0.0), body, (0.0, 0.0), load.along_rad or 0.0)
+        point = (0.0, 0.0) if load.pin is None else scene.point(name, load.pin)
+        fixed = data.Line(GROUND, (0.0, 0.0), body, point, load.along_rad or 0.0)
         line = next((it for it in guides if it.body_j == body and load.guide in (None, it.name)), fixed)
     tables = {
         f"{column.partition('_')[0]}_by_time": by_time.table("time_s", column)

@@ -72,14 +72,14 @@ class CrankGas(form.Gas):
     COLUMNS = ("crank_angle_rad", "force_N")
 
     crank_angle_rad: form.Angles
-    angle_rad: None = None
+    angle_rad: None = None  # type: ignore[assignment]
     body: None = None
 
 
 class CrankLoad(form.Load):
     """Forces and torques as of any body; ``gas`` goes by the crank's angle."""
 
-    gas: CrankGas | None = None  # type: ignore[assignment]
+    gas: CrankGas | None = None
 
 
 class CrankSlider(form.Top):

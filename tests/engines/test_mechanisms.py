@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
 from engine_models.engine import FloatArray, RunSettings
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
@@ -66,6 +67,34 @@ def test_a_marker_of_a_bar_whose_ends_slide_on_two_lines_draws_an_ellipse(
     off_y = columns["marker_M_y_m"] - (s + a) * np.sin(angle)
     assert np.hypot(off_x, off_y).max() < bound_m
     assert np.ptp(angle) > 0.5, "it moves"
+
+
+PULLED = """
+name = "pulled"
+end_time_s = 1.0
+observe = "P.x"
+ground.pins_m = { O = 0.0 }
+load.bar = { force_N = 2.0, along_rad = 0.3, pin = "P" }
+start.angle_rad.bar = 1.3
+[body.bar]
+pins_m = { O = 0.0, P = 1.0 }
+mass_kg = 1.5
+inertia_kg_m2 = 0.2
+centre_of_mass_m = [0.4, 0.1]
+"""
+
+
+@pytest.mark.parametrize(
+    ("engine", "bound"), [("reference", 1e-9), ("scipy", 1e-8), ("exudyn", 1e-5), ("pymunk", 1e-5)]
+)
+def test_a_force_at_a_pin_swings_a_bar_as_gravity_would_a_pendulum(engine: str, bound: float) -> None:
+    """A pendulum's quarter period is K(sin(a/2)) sqrt(I/(F L)) from an angle a off the force at rest."""
+    about_o = 0.2 + 1.5 * (0.4**2 + 0.1**2)
+    quarter_s = float(ellipk(math.sin(0.5) ** 2)) * math.sqrt(about_o / (2.0 * 1.0))
+    trajectory = run(engine, from_toml(PULLED).replace("end_time_s", quarter_s), 10)
+    off = abs(trajectory.position[-1, 0, 2] - 0.3)
+    assert off < bound, f"{off:.1e} rad"
+    assert np.ptp(trajectory.position[:, 0, 2]) > 0.9, "it swings"
 
 
 PISTON_ENGINE = """
