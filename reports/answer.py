@@ -91,8 +91,9 @@ def _name(each: pd.DataFrame, ran: pd.DataFrame) -> str:
 
 def _behind(other: pd.DataFrame, best: pd.DataFrame) -> list[Ratio]:
     """Return the ratios of run times on the scenes that both reach."""
-    own = {run.scene: run for run in best.itertuples()}
-    return [ratio(run, own[run.scene]) for run in other.itertuples() if run.scene in own]
+    times = ["scene", "time_s", "next_s"]
+    own = {run.scene: run for run in best[times].itertuples()}
+    return [ratio(run, own[run.scene]) for run in other[times].itertuples() if run.scene in own]
 
 
 def _is_level(other: pd.DataFrame, best: pd.DataFrame) -> bool:

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.ticker import LogLocator
 
 from reports.look import GREY, RC, WIDTH_IN, Picture, axis_label, line_styles, setting
 from reports.page import Figure
@@ -125,7 +125,6 @@ def _finish(ax: Axes, panel: Panel) -> None:
     h, e = h[e > 0], e[e > 0]
     low, high = min(e.min(), panel.floor or e.min()) / 4, e.max() * 6
     ax.set_ylim(low, high)
-    ax.yaxis.set_minor_locator(NullLocator())
     ax.axhspan(low, max(panel.floor, low), color=GREY, alpha=0.3, linewidth=0, zorder=0.5)
     for order in panel.orders:
         top = high / 1.5

@@ -14,7 +14,7 @@ from zlib import crc32
 import matplotlib as mpl
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, LogLocator, NullLocator
 
 BLACK, VERMILLION, BLUE, GREY = "#000000", "#D55E00", "#0072B2", "#8C8C8C"
 
@@ -207,6 +207,9 @@ def picture_bytes(figure: Figure, ending: str) -> bytes:
     dates = {".png": None, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     _label_powers(figure)
     with mpl.rc_context(RC):
+        if layout := figure.get_layout_engine():
+            layout.execute(figure)
+            figure.set_layout_engine("none")  # which would draw all of it only to be laid out
         figure.savefig(content, format=ending[1:], metadata=dates[ending])
     return content.getvalue()
 
@@ -219,7 +222,7 @@ def _label_powers(figure: Figure) -> None:
             if high < 100 * low:
                 axis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high > 10 * low else (1.0, 2.0, 5.0)))
             axis.set_major_formatter(FuncFormatter(_power))
-            axis.set_minor_formatter(NullFormatter())
+            axis.set_minor_locator(NullLocator())
 
 
 def _power(value: float, _: object = None) -> str:
