@@ -133,9 +133,7 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
     except ValueError as reason:
         raise BadInput(str(reason)) from None
     try:
-        engine: Engine = TypeAdapter(kind).validate_strings(
-            {key: typed(it) for key, it in settings.items()}
-        )
+        engine: Engine = TypeAdapter(kind).validate_strings({key: typed(it) for key, it in settings.items()})
     except ValidationError as error:
         raise BadInput(refusal(error, settings, fields(kind))) from None
     if to_tolerance and "method" not in settings:
