@@ -195,9 +195,9 @@ def test_check_counts_rows_and_freedoms_and_tells_what_it_moved() -> None:
     rows = "8 rows of rank 8 (with B taken as ideal)"
     assert size == f"{of.name}: 3 bodies, 4 joints; {rows}, 1 degree of freedom"
     moved = np.abs(start_state(of)[0][:, 2] - [of.start.angle_rad.get(body, 0.0) for body in of.body])
-    most = int(moved.argmax())
-    told = f"{[*of.body][most]} turned by {moved[most]:.3g} rad from what the file tells"
-    assert start == f"start: put together, {told}"
+    turned = zip(of.body, moved, strict=True)
+    told = ", ".join(f"{body} turned by {angle:.3g} rad" for body, angle in turned if angle > 1e-12)
+    assert start == f"start: put together, {told} from what the file tells"
     assert least.startswith("smallest singular value over 200 samples of the run: 0.")
     given = started_from(of, *start_state(of))
     assert "start: as the file gives it, the state of every body" in inspect(given)
