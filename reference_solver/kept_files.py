@@ -7,11 +7,12 @@ has damaged is made again, and of processes that make the same the last one's is
 import hashlib
 import logging
 import os
+import sqlite3
 import stat
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from secrets import token_hex
@@ -21,6 +22,8 @@ import platformdirs
 
 #: The environment variable that puts the folder elsewhere.
 VARIABLE = "CRANKSLIDER_CACHE"
+#: The file that a process locks while it compiles, and for how long others wait for it, in s.
+LOCK, LONGEST_S = "compiling.lock", 60.0
 WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 ROOT_USER = 0
 
@@ -105,6 +108,16 @@ def write_kept(name: str, data: bytes) -> None:
 
 def _checksum(name: str, data: bytes) -> bytes:
     return hashlib.sha256(name.encode() + data).digest()  # of another name it is another
+
+
+@contextmanager
+def alone() -> Iterator[None]:
+    """Have one process at a time in this block: what the first compiles all others load."""
+    with ExitStack() as held:
+        with suppress(FolderRefused, OSError, sqlite3.Error):  # then every process compiles its own
+            lock = held.enter_context(closing(sqlite3.connect(private_folder() / LOCK, timeout=LONGEST_S)))
+            lock.execute("begin exclusive")
+        yield
 
 
 @contextmanager

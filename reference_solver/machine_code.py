@@ -29,7 +29,7 @@ from numba import float64, int64
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from reference_solver.kept_files import FolderRefused, private_folder, read_kept, write_kept
+from reference_solver.kept_files import FolderRefused, alone, private_folder, read_kept, write_kept
 from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value, needs_of
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -345,12 +345,13 @@ def compile_text(text: str, names: Iterable[str]) -> dict[str, Function]:
 # --------------------------------------------------------------------- functions that Numba compiles
 
 
-def compiled(**options: Any) -> Callable[[F], F]:
-    """Return what has Numba compile a function when it is first called, its machine code kept."""
+def compiled(kinds: str | None = None, **options: Any) -> Callable[[F], F]:
+    """Return what has Numba compile a function, its machine code kept: now if its arguments' kinds are given,
+    otherwise when it is first called."""
 
     def decorate(function: F) -> F:
-        with code_folder(function) as kept:
-            return cast(F, numba.njit(**options, cache=kept)(function))
+        with code_folder(function) as kept, alone():
+            return cast(F, numba.njit(kinds, **options, cache=kept)(function))
 
     return decorate
 

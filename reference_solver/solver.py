@@ -12,6 +12,7 @@ from reference_solver import failures
 from reference_solver.energy import Guard
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.impacts import Impacts
+from reference_solver.kept_files import alone
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT, separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
@@ -151,7 +152,8 @@ class Solver:
         self._kernels: dict[tuple[int, ...], Kernel] = {}
         self.steps = self.settled = 0
         # The loop is compiled or loaded here and not in the run: a run of no length does it.
-        self._advance(self._new(q_start, np.zeros_like(q_start), np.zeros(1), 0.0, 1.0))
+        with alone():
+            self._advance(self._new(q_start, np.zeros_like(q_start), np.zeros(1), 0.0, 1.0))
 
     def _kernel(self, following: tuple[int, ...]) -> "Kernel":
         from reference_solver.kernel import Kernel, Topology

@@ -25,8 +25,8 @@ from reference_solver.machine_code import compiled
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-#: How functions are compiled, and those whose machine code is kept, with that of all which they call.
-jit, entry = njit(error_model="numpy"), compiled(error_model="numpy")
+#: How functions are compiled; of those that Python calls machine code is kept, with all that they call.
+jit = njit(error_model="numpy")
 #: Blocks of p: bodies (mass, inertia); joints; contacts; parts of loads; curves; their pieces; scalars; the
 #: coordinates, dependent ones first, and their units; contacts' phases; and what the last evaluation tells.
 BODIES, JOINTS, CONTACTS, PARTS, CURVES, PIECES, SCALARS, ORDER, PHASES, TOLD = range(10)
@@ -301,7 +301,10 @@ def forces(p: Array, t: float, q: Array, v: Array, F: Array, told: Array, powers
     return place_of
 
 
-@entry
+@compiled(
+    "void(f8[::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1])",
+    error_model="numpy",
+)
 def act(p: Array, t: Array, q: Array, v: Array, phases: Array, F: Array, told: Array, powers: Array) -> None:
     """Do as ``forces`` at times (n,) in states (n, 3b); a contact that is on in ``phases`` is engaged."""
     contacts, now = block(p, CONTACTS), block(p, PHASES)
@@ -313,14 +316,17 @@ def act(p: Array, t: Array, q: Array, v: Array, phases: Array, F: Array, told: A
         forces(p, t[n], q[n], v[n], F[n], told[n], powers[n])
 
 
-@entry
+@compiled("void(f8[::1], f8[::1], f8[:, ::1])", error_model="numpy")
 def drive(p: Array, t: Array, motion: Array) -> None:
     """Fill what ``driven`` returns at times (n,), (n, 3)."""
     for n in range(len(t)):
         motion[n] = driven(p, t[n])
 
 
-@entry
+@compiled(
+    "void(f8[::1], f8, f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1])",
+    error_model="numpy",
+)
 def look(p: Array, t: float, q: Array, v: Array, B: Array, g: Array, c: Array, gamma: Array) -> None:
     """Fill B (n, m, 3b), g, c and gamma (n, m) at a time in states (n, 3b)."""
     for n in range(len(q)):
@@ -380,7 +386,7 @@ def solve_transposed(M: Array, swaps: IntArray, x: Array) -> None:
         x[k], x[swaps[k]] = x[swaps[k]], x[k]
 
 
-@entry
+@compiled("void(f8[::1], f8, f8[::1], f8[::1])", error_model="numpy")
 def rates(p: Array, t: float, y: Array, out: Array) -> None:
     """Fill y' (state,), and in p's last block v (3b,), a (3b,), the multipliers and what ``forces`` tells.
 

@@ -80,7 +80,7 @@ class Forces(Numbers):
     def motion(self, time_s: FloatArray) -> FloatArray:
         """Return how far what is driven has gone since t = 0, its speed and its acceleration, (3, n)."""
         motion = np.empty((len(time_s), 3))
-        eq.drive(self.p, time_s, motion)
+        eq.drive(self.p, np.ascontiguousarray(time_s), motion)
         return np.asarray(motion.T)
 
     def act(
@@ -111,7 +111,7 @@ class Forces(Numbers):
                 phases[:, k, 1] = wall[eq.A] / np.maximum(approach_m_s[pin.name], wall[eq.SLOWEST])
         F = np.empty((n, 3 * bodies))
         told, powers = np.empty((n, len(self.told))), np.empty((n, len(self.sums) + 1))
-        eq.act(self.p, time_s, flat(position), flat(velocity), phases, F, told, powers)
+        eq.act(self.p, np.ascontiguousarray(time_s), flat(position), flat(velocity), phases, F, told, powers)
         at, place, states = eq.OF_CONTACT * len(loose), eq.OF_SUMS * len(loose), dict[str, ContactStates]()
         for k, pin in enumerate(loose):
             gap, c = pin_gap(pin, position, np.zeros_like(position)).gap_m, self.contacts[k, eq.C]

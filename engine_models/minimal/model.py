@@ -293,7 +293,7 @@ class Model(Numbers):
     def __call__(self, t: float, y: FloatArray) -> FloatArray:
         """Return y'; ``told`` is of that state then."""
         out = np.empty(len(y))
-        eq.rates(self.p, t, y, out)
+        eq.rates(self.p, t, np.ascontiguousarray(y), out)
         return out
 
     def closed(self, t: float, y: FloatArray) -> FloatArray:

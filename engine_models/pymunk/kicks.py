@@ -12,7 +12,8 @@ import numpy as np
 
 from engine_models.engine import FloatArray
 from engine_models.minimal import equations as eq
-from engine_models.minimal.equations import FLIGHT, GIVEN, PUSHED, IntArray, entry, jit
+from engine_models.minimal.equations import FLIGHT, GIVEN, PUSHED, IntArray, jit
+from reference_solver.machine_code import compiled
 
 #: The numbers of a plan: the time after a step, how long it is, how long the last kick was, or 0 for who
 #: foresees nothing; the time then left to the next sample; how long steps are in flight and in contact; and,
@@ -33,6 +34,8 @@ NOTHING, LONGER, TOUCHING, THROUGH = range(4)
 KNOWN, CURVED, STRAIGHT = range(3)
 #: By this part diagonals are raised where rows depend on each other.
 FLAT = 1e-10
+#: Kinds of arrays.
+ONE, MANY = "f8[::1]", "f8[:, ::1]"
 
 
 @jit
@@ -46,7 +49,10 @@ def touches_within(e: FloatArray, q: FloatArray, v: FloatArray, time_s: float) -
     )
 
 
-@entry
+@compiled(
+    f"({ONE}, {ONE}, {MANY}, {MANY}, i8[::1], {MANY}, {MANY}, {ONE}, {ONE}, {MANY})",
+    error_model="numpy",
+)
 def look_ahead(
     p: FloatArray,
     plan: FloatArray,
@@ -111,7 +117,10 @@ def look_ahead(
     return TOUCHING if touching else LONGER if share != 1.0 else NOTHING
 
 
-@entry
+@compiled(
+    f"({ONE}, {ONE}, i8, {MANY}, {MANY}, i8[::1], {MANY}, {MANY}, {ONE}, {ONE}, {ONE})",
+    error_model="numpy",
+)
 def account(
     p: FloatArray,
     plan: FloatArray,
