@@ -31,17 +31,14 @@ from studies.failures import BadInput, Failed, bug, log, progress_console, writi
 INTERRUPTED = 130
 #: Time between lines on the progress of a simulation, in s.
 LINE_S = 10.0
-#: The part of a run that tells which columns its table will have.
-SHORT = 1e-6
 #: Whose functions no interrupt may leave: LLVM calls them, and goes on with half a result. It comes again.
 UNBREAKABLE, AGAIN_S = "llvmlite.", 0.01
-#: Arguments that are given without an option's name, as a usage line shows them.
+#: Arguments that are given without an option's name, as a usage line shows them; options that are named
+#: otherwise than the argument; and the form of assignments.
 PLACED = {"scene": "SCENE", "studies": "[STUDY]...", "name": "[NAME]"}
-#: Options that are named otherwise than the argument, and the form of assignments.
 NAMED = {
     "changes": ("--with",),
     "settings": ("--set",),
-    "vary": ("--vary",),
     "engines": ("--engine",),
     "start": ("--from", "--start"),
     "table": ("--from",),
@@ -52,20 +49,19 @@ FORMS = {"changes": "FIELD=VALUE", "settings": "KEY=VALUE", "vary": "FIELD=VALUE
 QUIET = Annotated[bool, Option("--quiet", help="Print neither notes nor progress, and no table of samples.")]
 
 
-def of_library(name: str) -> Callable[..., Any]:
-    """Return a function of ``library``, which takes a second to load."""
-    return attrgetter(name)(import_module("crankslider.library"))  # type: ignore[no-any-return]
-
-
 class Given(dict[str, Any]):
     """What was typed of a command's options, by the names of arguments."""
 
     def to(self, function: str | Callable[..., Any], **more: Any) -> Any:
         """Return what a function, or one of ``library``, makes of those that it has, and of others."""
-        if isinstance(function, str):
-            function = of_library(function)
+        function = of_library(function) if isinstance(function, str) else function
         names = inspect.signature(function).parameters
         return function(**{name: it for name, it in self.items() if name in names} | more)
+
+
+def of_library(name: str) -> Callable[..., Any]:
+    """Return a function of ``library``, which takes a second to load."""
+    return attrgetter(name)(import_module("crankslider.library"))  # type: ignore[no-any-return]
 
 
 def make_app(name: str) -> Typer:
@@ -84,34 +80,35 @@ def make_app(name: str) -> Typer:
 
 def with_options(function: Callable[..., None], paths: Sequence[str]) -> Callable[..., None]:
     """Return a command as typer takes it: all its options are text, lists of texts or flags."""
-    options = {name: it for each in (*map(of_library, paths), function) for name, it in options_of(each)}
+    parameters = dict[str, inspect.Parameter]()
+    for each in (*map(of_library, paths), function):
+        arguments = inspect.signature(inspect.unwrap(each)).parameters
+        parameters |= {name: option(arguments[name], text) for name, text in described(each)[1].items()}
     quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=QUIET)
 
     def run(quiet: bool, **values: Any) -> None:
         log.setLevel(logging.WARNING if quiet else logging.INFO)
         given = Given({name: it for name, it in values.items() if it not in (None, [])})
         for name in given.keys() & FORMS.keys():
-            given[name] = assigned(NAMED[name][0].lstrip("-"), FORMS[name], given[name])
+            given[name] = assigned(NAMED.get(name, (name,))[0].lstrip("-"), FORMS[name], given[name])
         given.to(function, **({"given": given} if paths else {}))
 
-    run.__signature__ = inspect.Signature([*options.values(), quiet])  # type: ignore[attr-defined]
+    run.__signature__ = inspect.Signature([*parameters.values(), quiet])  # type: ignore[attr-defined]
     return run
 
 
-def options_of(function: Callable[..., Any]) -> Iterator[tuple[str, inspect.Parameter]]:
-    """Yield the arguments that a docstring describes as typer's parameters, by their names."""
-    for name, text in described(function)[1].items():
-        it = inspect.signature(inspect.unwrap(function)).parameters[name]
-        origins = {get_origin(each) for each in (it.annotation, *get_args(it.annotation))}
-        several, flag = bool(origins & {Mapping, Sequence}), it.default is False
-        kind: Any = bool if flag else list[str] | None if several else str | None
-        if name in PLACED:
-            info = Argument(metavar=PLACED[name], help=text)
-        else:
-            names = NAMED.get(name, (f"--{name.replace('_', '-')}",))
-            info = Option(*names, metavar=None if flag else FORMS.get(name, name.upper()), help=text)
-        default = None if several else it.default
-        yield name, it.replace(default=default, annotation=Annotated[kind, info], kind=it.KEYWORD_ONLY)
+def option(argument: inspect.Parameter, text: str) -> inspect.Parameter:
+    """Return an argument of a function as a parameter of typer's, with what its docstring says of it."""
+    name = argument.name
+    origins = {get_origin(each) for each in (argument.annotation, *get_args(argument.annotation))}
+    several, flag = bool(origins & {Mapping, Sequence}), argument.default is False
+    kind: Any = bool if flag else list[str] | None if several else str | None
+    names = NAMED.get(name, (f"--{name.replace('_', '-')}",))
+    info = Option(*names, metavar=None if flag else FORMS.get(name, name.upper()), help=text)
+    if name in PLACED:
+        info = Argument(metavar=PLACED[name], help=text)
+    default = None if several else argument.default
+    return argument.replace(default=default, annotation=Annotated[kind, info], kind=argument.KEYWORD_ONLY)
 
 
 def described(function: Callable[..., Any]) -> tuple[str, dict[str, str]]:
@@ -152,15 +149,11 @@ def about(version: VERSION = False) -> None:
     """Handle the options before a command."""
 
 
-def print_rows(head: Sequence[str], rows: Any, as_json: bool = False) -> None:
-    """Print rows in aligned columns, or as JSON."""
-    if as_json:
-        print(json.dumps([dict(zip(head, row, strict=True)) for row in rows], indent=2))
-        return
-    lines = [head, *rows] if head else rows
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    for line in lines:
-        print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
+def print_rows(rows: Sequence[Sequence[str]]) -> None:
+    """Print rows in aligned columns."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
 def scenes(as_json: bool = False) -> None:
@@ -171,13 +164,15 @@ def scenes(as_json: bool = False) -> None:
     """
     from engine_models.scene.library import ALL_SCENES
 
-    rows = []
+    rows = [("scene", "drive", "clearance", "end time", "about")]
     for name, make in ALL_SCENES.items():
         scene = make()
-        joints = ", ".join(scene.joints_with_clearance) or "none"
-        about = (make.__doc__ or "").partition("\n")[0]
-        rows.append((name, scene.drive.kind, joints, f"{scene.end_time_s:g} s", about))
-    print_rows(("scene", "drive", "clearance", "end time", "about"), rows, as_json)
+        joints, end = ", ".join(scene.joints_with_clearance) or "none", f"{scene.end_time_s:g} s"
+        rows.append((name, scene.drive.kind, joints, end, described(make)[0].partition("\n")[0]))
+    if as_json:
+        print(json.dumps([dict(zip(rows[0], row, strict=True)) for row in rows[1:]], indent=2))
+    else:
+        print_rows(rows)
 
 
 def engines(name: str | None = None, as_json: bool = False) -> None:
@@ -187,21 +182,31 @@ def engines(name: str | None = None, as_json: bool = False) -> None:
         name: describe this engine in full.
         as_json: print JSON.
     """
-    from crankslider.library import describe_engine
-    from engine_models.engines import ENGINES
-    from engine_models.scene.plain_words import unknown
+    from engine_models.engine import UnsupportedScene
+    from engine_models.engines import ENGINES, engine_class
+    from engine_models.scene.library import ALL_SCENES
+    from engine_models.scene.plain_words import expectation, fields, shown, unknown
 
     if name is not None and name not in ENGINES:
         raise BadInput(unknown("NAME", name, ENGINES))
-    described = [describe_engine(each) for each in ([name] if name else ENGINES)]
-    for each in () if as_json else described:
-        print(f"{each['engine']}: {each['about'] if name else each['about'].partition(chr(10))[0]}")
-        print_rows((), each["settings"])
-        for reason in dict.fromkeys(each["refused"].values()):
-            some = [scene for scene, why in each["refused"].items() if why == reason]
-            print(f"  not {', '.join(some)}: {reason}")
+    listed = []
+    for engine in [name] if name else ENGINES:
+        kind, refused = engine_class(engine), dict[str, str]()
+        for scene, make in ALL_SCENES.items():
+            try:
+                kind().check(make())
+            except UnsupportedScene as reason:
+                refused[scene] = str(reason)
+        settings = [(f"  {key}", shown(it["default"]), expectation(it)) for key, it in fields(kind).items()]
+        told = {"about": inspect.getdoc(kind) or "", "settings": settings, "refused": refused}
+        listed.append({"engine": engine, **told})
+        if not as_json:
+            print(f"{engine}: {told['about'] if name else described(kind)[0].partition(chr(10))[0]}")
+            print_rows(settings)
+            for why in dict.fromkeys(refused.values()):
+                print(f"  not {', '.join(scene for scene in refused if refused[scene] == why)}: {why}")
     if as_json:
-        print(json.dumps(described, indent=2))
+        print(json.dumps(listed, indent=2))
 
 
 def show(given: Given) -> None:
@@ -244,10 +249,8 @@ def write(given: Given, solve: str) -> None:
     """Write what was asked for of a run, without files its samples to stdout, and notes."""
     scene = given.to("read_scene")
     given.to("require_outputs", scene=scene, inputs=given.to("files_of"))
-    if columns := given.get("plot_columns"):  # of a run of no length
-        given["plot_columns"] = columns = [name for each in columns for name in each.split(",")]
-        short = Given({name: it for name, it in given.items() if name in ("engine", "settings")}, quick=True)
-        short.to(solve, scene=scene, end=SHORT * scene.end_time_s, samples=1).require_columns(columns)
+    if "plot_columns" in given:
+        given["plot_columns"] = [name for each in given["plot_columns"] for name in each.split(",")]
     if not given.keys() & {"out", "impacts", "plot", "animate"} and log.isEnabledFor(logging.INFO):
         given["out"] = "-"
     with progress(scene.end_time_s):
@@ -285,9 +288,10 @@ def compare(given: Given, as_json: bool = False) -> None:
     result = given.to("compare", scene=given.to("read_scene"), given=typed)
     result.save(result.folder)
     table = result.table()
-    print(table.to_json(orient="records", indent=2) if as_json else table.to_string(index=False))
-    if not as_json:
-        print(result.recommendation)
+    if as_json:
+        print(table.to_json(orient="records", indent=2))
+    else:
+        print(table.to_string(index=False), result.recommendation, sep="\n")
     log.info(f"the page is {result.folder / 'index.html'}")
 
 
@@ -318,12 +322,12 @@ def conform(
 
     if (name is None) == (table is None) or (table_scene is None) != (table is None):
         raise BadInput("ENGINE: expected an engine, or --from FILE.csv with --scene SCENE, got another call")
-    if accept and baselines is None:
+    if baselines is not None:
+        require_baselines(Path(baselines), accept, why)
+    elif accept:
         raise BadInput("accept: expected a folder with baselines to write to, got none")
-    require_baselines(None if baselines is None else Path(baselines), accept, why)
-    subject = str(name or table)
-    checks = verdicts_on_file(subject, str(table_scene)) if table else verdicts_on(subject)
-    verdicts = [*track(checks, subject, None, console=progress_console(), transient=True)]
+    checks = verdicts_on(name) if name else verdicts_on_file(str(table), str(table_scene))
+    verdicts = [*track(checks, name or table or "", None, console=progress_console(), transient=True)]
     if as_json:
         print(json.dumps([each._asdict() for each in verdicts], indent=2))
     for claim in () if as_json else dict.fromkeys(each.claim for each in verdicts):
@@ -334,9 +338,9 @@ def conform(
         for each in wrong if ones[0].scene else ():
             print(f"         {each.scene}: {each.measured}")
     if not all(each.holds for each in verdicts):
-        raise Failed(f"{subject} does not pass all checks")
+        raise Failed(f"{name or table} does not pass all checks")
     if baselines is not None:
-        print_differences([subject], Path(baselines), why, as_json)
+        print_differences([str(name)], Path(baselines), why, as_json)
 
 
 def baseline(accept: bool = False, why: str | None = None, as_json: bool = False) -> None:
@@ -372,31 +376,30 @@ def report(results: str = "results", out: str = "report", against: str | None = 
         out: folder of the report.
         against: folder of another report; print the numbers of both side by side.
     """
+    from pandas import DataFrame
+
     from reports.contents import CHAPTERS
     from reports.page import Contradiction, read_claims, require_replaceable, write_report
-    from studies.whole_file import require_folder, whole_folder
+    from studies.whole_file import whole_folder
 
-    try:
-        before = None if against is None else read_claims(Path(against))
-    except (OSError, ValueError, LookupError, TypeError) as reason:
-        raise BadInput(f"against: expected the folder of a report, got '{reason}'") from None
     place = Path(out)
     try:
-        with writing("out", place):
-            require_folder(place)
-            require_replaceable(place)
+        before = read_claims(Path(against)) if against else {}
+    except (OSError, ValueError, LookupError, TypeError) as reason:
+        raise BadInput(f"against: expected the folder of a report, got '{reason}'") from None
+    with writing("out", place):
+        require_replaceable(place)
+        try:
             with whole_folder(place) as new:
                 made = write_report(Path(results), new, CHAPTERS)
-    except Contradiction as reason:
-        raise Failed(str(reason)) from None
+        except Contradiction as reason:
+            raise Failed(str(reason)) from None
     for note in made.notes:
         log.info(note)
-    if before is None:
-        print("\n".join(made.answer))
-    else:
-        from pandas import DataFrame
-
+    if against:
         print(DataFrame({"before": before, "after": read_claims(place)}).fillna("–").to_string())
+    else:
+        print("\n".join(made.answer))
     log.info(f"the report is {place / 'index.html'}")
 
 
@@ -453,10 +456,8 @@ def explain(error: BaseException) -> tuple[str, int]:
     match error:
         case typer.TyperException():
             return f"command line: expected what --help tells, got '{error.format_message()}'", 2
-        case BadInput():
-            return str(error), 2
-        case Failed():
-            return str(error), 1
+        case BadInput() | Failed():
+            return str(error), 2 if isinstance(error, BadInput) else 1
         case BrokenPipeError():  # the reader of stdout has closed it
             return "", 1
         case MemoryError():
@@ -482,25 +483,20 @@ def main() -> None:
         sys.stdout = open(os.devnull)  # noqa: SIM115  it lives as long as the process
     elif hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(encoding="utf-8", errors="surrogateescape")
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number, handled in before.items():
-        if handled is not signal.SIG_IGN:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, interrupt)
     try:
         named = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
         code = make_app(named)(standalone_mode=False, prog_name="crankslider") or 0
         sys.stdout.flush()
+        message = "interrupted" if code == INTERRUPTED else ""  # which typer returns after Ctrl-C
     except (Exception, KeyboardInterrupt) as error:
         message, code = explain(error)
         if isinstance(error, OSError):
             # What stdout holds back may be what cannot be written; Python would try again at exit.
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115  it lives as long as the process
-        if message:
-            log.error(" ".join(message.split()))
-    finally:
-        log.setLevel(logging.INFO)
-        for number, handled in before.items():
-            signal.signal(number, handled)
-    if code == INTERRUPTED:  # typer returns it after Ctrl-C
-        log.error("interrupted")
+    if message:
+        log.error(" ".join(message.split()))
+    log.setLevel(logging.INFO)
     sys.exit(code)

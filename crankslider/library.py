@@ -7,9 +7,9 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from importlib.metadata import version
-from inspect import cleandoc
 from pathlib import Path
 from tempfile import mkdtemp
 from types import MappingProxyType
@@ -29,7 +29,6 @@ from engine_models.scene.format import NonNegative, Positive
 from engine_models.scene.library import ALL_SCENES
 from engine_models.scene.plain_words import (
     expect,
-    expectation,
     fields,
     one_of,
     refusal,
@@ -38,8 +37,7 @@ from engine_models.scene.plain_words import (
     unknown,
 )
 from engine_models.scene.scene import Scene
-from studies.failures import BadInput, Failed, writing
-from studies.whole_file import require_folder
+from studies.failures import BadInput, Failed, progress_console, writing
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -68,6 +66,8 @@ Named = Mapping[str, object]
 Values = Annotated[str | Sequence[float], expect("a string or a list of numbers")]
 #: What runs in all engines, in reference solutions and in studies.
 DEFAULT_STEP_S = 1e-5
+#: The output intervals of the run that a comparison shows.
+SHOWN_SAMPLES = 400
 #: A step below this part of the end time is lost to the rounding of time.
 SHORTEST_STEP_PART = 1e-12
 
@@ -93,17 +93,14 @@ def read_scene(scene: SomeScene, changes: Named | None = None, end: Seconds | No
     """
     values = {field: as_toml(value) for field, value in (changes or {}).items()}
     values |= {} if end is None else {"end_time_s": end}
-    if not isinstance(scene, str | Path):
-        own = scene
-    elif (name := str(scene)) in ALL_SCENES:
-        own = scenes[name]
-    elif os.path.exists(name):  # pathlib's raises for a name that is too long
+    own = scenes.get(str(scene)) if isinstance(scene, str | Path) else scene
+    if own is not None:
+        return own.replace(values) if values else own
+    if os.path.exists(name := str(scene)):  # pathlib's raises for a name that is too long
         return load_scene(Path(name), values, "with")
-    elif "/" in name or name.endswith(".toml"):
+    if "/" in name or name.endswith(".toml"):
         raise BadInput(f"scene: expected a TOML file that is there, got {shown(name)} (no such file)")
-    else:
-        raise BadInput(unknown("scene", name, scenes, f"{one_of([*scenes])}, or a TOML file"))
-    return own.replace(values) if values else own
+    raise BadInput(unknown("scene", name, scenes, f"{one_of([*scenes])}, or a TOML file"))
 
 
 def files_of(scene: str, changes: Named | None = None) -> list[str]:
@@ -136,22 +133,9 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
         engine: Engine = TypeAdapter(kind).validate_strings({key: typed(it) for key, it in settings.items()})
     except ValidationError as error:
         raise BadInput(refusal(error, settings, fields(kind))) from None
-    if to_tolerance and "method" not in settings:
-        given = {"step_tolerance": vars(engine)["step_tolerance"]} if "step_tolerance" in settings else {}
-        engine = engine.controlling_error(**given)
-    return engine
-
-
-def describe_engine(name: str) -> dict[str, Any]:
-    """Return what an engine is, its settings, and the scenes that it refuses with the reasons."""
-    kind, refused = engine_class(name), dict[str, str]()
-    for scene in scenes.values():
-        try:
-            kind().check(scene)
-        except UnsupportedScene as reason:
-            refused[scene.name] = str(reason)
-    settings = [(f"  {key}", shown(it["default"]), expectation(it)) for key, it in fields(kind).items()]
-    return {"engine": name, "about": cleandoc(kind.__doc__ or ""), "settings": settings, "refused": refused}
+    if not to_tolerance or "method" in settings:
+        return engine
+    return engine.controlling_error(**{key: vars(engine)[key] for key in settings if key == "step_tolerance"})
 
 
 @check_arguments
@@ -189,10 +173,15 @@ def simulate(
     from engine_models.convergence.step_halving import simulate_to_tolerance
 
     physics = read_scene(scene, end=end)
-    chosen = read_engine(engine, settings or {}, tolerance is not None)
-    if not start < physics.end_time_s:
-        raise BadInput(f"start: expected a time < the end time {physics.end_time_s:g}, got {start:g}")
-    longest = _longest_step_s(step, tolerance, physics.end_time_s, chosen)
+    chosen, end_s = read_engine(engine, settings or {}, tolerance is not None), physics.end_time_s
+    if not start < end_s:
+        raise BadInput(f"start: expected a time < the end time {end_s:g}, got {start:g}")
+    if step is not None and tolerance is not None:
+        raise BadInput(f"tolerance: expected nothing beside step, got {tolerance:g}")
+    longest = step or (end_s if chosen.controls_error else min(DEFAULT_STEP_S, end_s))
+    if tolerance is None and not SHORTEST_STEP_PART * end_s <= longest <= end_s:
+        expected = f"a number from {SHORTEST_STEP_PART * end_s:g} to the end time {end_s:g}"
+        raise BadInput(f"step: expected {expected}, got {longest:g}{'' if step else ', the default'}")
     with refusing(), np.errstate(all="ignore"):  # engines check for non-finite numbers themselves
         steps = RunSettings(longest, samples)
         if tolerance is None:
@@ -201,34 +190,29 @@ def simulate(
             run = simulate_to_tolerance(chosen, physics, tolerance, samples)
         check = steps if tolerance is None and not quick else None
         warnings = tuple(doubts(chosen, physics, run, check))
-    for doubt in warnings:
-        warn(doubt, stacklevel=3)
-    return Run(physics, engine, chosen, run, warnings, tolerance, start, bool(check or tolerance))
+    made = Run(physics, engine, chosen, run, warnings, tolerance, start, bool(check or tolerance))
+    return _warned(made)
 
 
-def _longest_step_s(step: float | None, tolerance: float | None, end_s: float, engine: Engine) -> float:
-    """Return the step asked for, or the default: the whole run for an engine that controls its error."""
-    if step is not None and tolerance is not None:
-        raise BadInput(f"tolerance: expected nothing beside step, got {tolerance:g}")
-    longest = step or (end_s if engine.controls_error else min(DEFAULT_STEP_S, end_s))
-    if tolerance is None and not SHORTEST_STEP_PART * end_s <= longest <= end_s:
-        expected = f"a number from {SHORTEST_STEP_PART * end_s:g} to the end time {end_s:g}"
-        raise BadInput(f"step: expected {expected}, got {longest:g}{'' if step else ', the default'}")
-    return longest
+def _warned(run: Run) -> Run:
+    """Return a run whose doubts the caller of the library is warned of."""
+    for doubt in run.warnings:
+        warn(doubt, stacklevel=4)
+    return run
 
 
 @contextmanager
-def refusing() -> Iterator[None]:
-    """Turn what an engine raises in the block into ``BadInput`` or ``Failed``."""
+def refusing(solution: str = "") -> Iterator[None]:
+    """Turn what an engine raises in the block into ``BadInput`` or ``Failed``; no ``solution`` is Failed."""
     from reference_solver.kept_files import FolderRefused
 
     try:
         yield
-    except SimulationFailed as reason:
-        raise Failed(str(reason)) from None
     except FolderRefused as reason:
         raise BadInput(str(reason)) from None
-    except UnsupportedScene as reason:
+    except (SimulationFailed, UnsupportedScene) as reason:
+        if solution or isinstance(reason, SimulationFailed):
+            raise Failed(f"{solution}{reason}") from None
         text = f"engine: expected one that can run this scene, got '{reason}'"
         own = str(reason).startswith(("start: ", "samples: ", "step: "))
         raise BadInput(str(reason) if own else text) from None
@@ -251,10 +235,9 @@ def truth(scene: SomeScene, *, end: Seconds | None = None, samples: Samples = 12
     """
     from crankslider.reference_solutions import reference_solution
 
-    run = reference_solution(read_scene(scene, end=end), samples)
-    for doubt in run.warnings:
-        warn(doubt, stacklevel=3)
-    return run
+    physics = read_scene(scene, end=end)
+    with refusing("no reference solution was found: "):
+        return _warned(reference_solution(physics, samples))
 
 
 @check_arguments
@@ -271,7 +254,7 @@ def compare(
 
     Engines are judged by the largest error of a signal. The one is recommended that is at or below the error
     asked for at the least run time; both have defaults for the scene. A second call resumes in the folder.
-    ``given`` is the scene as typed in a command. In a script, call this under ``if __name__ == "__main__":``.
+    ``given`` is the scene as typed in a command.
 
     Args:
         engines: only this engine; repeat for more; your own: my_module:MyEngine.
@@ -283,14 +266,46 @@ def compare(
         BadInput: an argument or the scene is refused, it has no reference solution, or no engine can run it.
         Failed: the reference solution was not found, or no engine finished.
     """
-    from crankslider.comparing import compare_engines
+    from crankslider.comparing import Comparison
+    from reports.results import read_study
+    from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, ask, cases
+    from studies.runner import run_cases
+    from studies.workers import Ended
 
     join_engines(engines)
     physics = read_scene(scene)
-    place = Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", physics.name)) if out is None else Path(out)
-    given = given or str(getattr(scene, "name", scene))
-    with _workers() as pool:
-        return compare_engines(physics, given, engines, place, pool, error, signal)
+    folder = Path(out or Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", physics.name)))
+    with _workers() as pool, writing("out", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            with progress_console().status(f"reference solution of {physics.name}"):
+                question = pool.run(ask, physics, error, signal, limit_s=TRUTH_LIMIT_S)
+        except UnsupportedScene as reason:
+            expected = "a scene that has a reference solution"
+            raise BadInput(f"scene: expected {expected}, got {physics.name}: {reason}") from None
+        except (SimulationFailed, Ended) as reason:
+            raise Failed(f"the reference solution of {physics.name} was not found: {reason}") from None
+        wanted = {case.key: case for case in cases(physics, question, engines)}
+        run_cases({NAME: [*wanted.values()]}, folder, pool)
+        results = read_study(folder, NAME)
+        rows = results.rows[results.rows["case"].isin(wanted)].dropna(axis="columns", how="all")
+        results = replace(results, rows=rows.assign(label=rows["label"].cat.remove_unused_categories()))
+        compared = Comparison(physics, results, given or str(getattr(scene, "name", scene)), folder)
+        recorded, chosen = compared.standings.recorded, compared.standings.chosen
+        if not (recorded["status"] == "ok").any():
+            reasons = " ".join(compared.standings.not_run)
+            if (recorded["status"] == "unsupported").all():
+                raise BadInput(f"engine: expected one that can run this scene, got: {reasons}")
+            raise Failed(f"no engine finished a run of this scene: {reasons}")
+        if chosen is not None:
+            case = wanted[str(recorded["case"][chosen.Index])]
+            settings = RunSettings(case.run.step_used_s(physics.end_time_s), SHOWN_SAMPLES)
+            recommended = engine_class(case.engine)(**case.settings)
+            with suppress(UnsupportedScene, SimulationFailed, Ended):
+                call = type(recommended).simulate, recommended, physics, settings
+                run = Run(physics, case.engine, recommended, pool.run(*call, limit_s=LIMIT_S))
+                compared = replace(compared, run=run)
+        return compared
 
 
 def join_engines(engines: Sequence[str]) -> None:
@@ -324,7 +339,7 @@ def sweep(
 
     A member runs for a transient, then revolutions that are evaluated, of the turning body at its start's
     speed; without one, a revolution is the scene's end time. An interrupted sweep resumes from the
-    folder ``out``.rows. In a script, call this under ``if __name__ == "__main__":``.
+    folder ``out``.rows.
 
     Args:
         vary: values of a field: LOW:HIGH[:log][:COUNT] or a list, 0.1mm,0.2mm; repeat for a grid.
@@ -347,7 +362,6 @@ def sweep(
         BadInput: an argument is refused.
         Failed: the members cannot continue.
     """
-    from studies.case import provenance
     from studies.runner import run_cases
     from studies.store import Store
     from studies.sweep import NAME, draw_values, member_cases, member_rows
@@ -358,28 +372,30 @@ def sweep(
     require_outputs(physics, plot=plot)
     if plot is None and show is not None:
         raise BadInput(f"show: expected nothing without plot, got {show}")
-    if step is None and not chosen.controls_error:
-        step = DEFAULT_STEP_S
     values = draw_values(physics, vary or {}, sample, members, jitter, seed)
+    if plot is not None and len(values) > 2:
+        raise BadInput(f"plot: expected at most 2 fields that differ, got {len(values)}")
+    step = step or (None if chosen.controls_error else DEFAULT_STEP_S)
     columns = {"transient": transient, "revolutions": revolutions, "step": step}
     added = {name: vars(chosen)[name] for name in settings or {}}
     with refusing():
         cases = member_cases(physics, values, engine, chosen, added, columns)
-    if plot is not None and len(values) > 2:
-        raise BadInput(f"plot: expected at most 2 fields that differ, got {len(values)}")
     folder = place.with_name(f"{place.name}.rows")
-    with _workers(jobs, scheduler) as workers, writing("out", folder), Store(folder) as store, store.held():
-        store.describe(NAME, provenance(False, cases))
-        run_cases({NAME: cases}, store, workers)
-        frame = member_rows(cases, [*values], store.results(NAME)[0])
+    with _workers(jobs, scheduler) as workers, writing("out", folder):
+        run_cases({NAME: cases}, folder, workers)
+        with Store(folder) as store:
+            frame = member_rows(cases, [*values], store.results(NAME)[0])
     made_by = {"version": __version__, "engine": engine, "settings": vars(chosen), **columns, "seed": seed}
     frame.attrs = {**made_by, "scene": physics.to_toml()}  # which Parquet keeps
     swept = Sweep(f"{physics.name}, {engine}", tuple(values), frame)
-    write_file("out", place, swept.encoded(place.suffix.lower()))
+    is_csv = place.suffix.lower() == ".csv"
+    write_file("out", place, frame.to_csv(index=False).encode() if is_csv else frame.to_parquet(index=False))
     if plot is not None:
-        write_file("plot", Path(plot), picture(swept.plot(show), Path(plot)))
-    if swept.warning is not None:
-        warn(swept.warning, stacklevel=3)
+        write_file("plot", plot, picture(swept.plot(show), plot))
+    if not (warned := frame[frame["warnings"].fillna("") != ""]).empty:
+        count = f"{len(warned)} of {len(frame)} members have warnings (column warnings)"
+        first = warned.iloc[0]
+        warn(f"{count}: member {first['member']}: {first['warnings']}", stacklevel=3)
     return swept
 
 
@@ -404,8 +420,9 @@ def run_studies(
         scheduler: address of a Dask scheduler; timed cases run here.
         retry_failed: run cases again that neither finished nor were refused.
     """
+    from studies.case import load_study
     from studies.registry import STUDIES
-    from studies.runner import run_studies as run
+    from studies.runner import run_cases
 
     for name in studies:
         if name not in STUDIES:
@@ -413,40 +430,44 @@ def run_studies(
     join_engines(engines)
     folder = Path(out)
     with writing("out", folder), _workers(jobs, scheduler) as workers:
-        require_folder(folder)
-        run([*dict.fromkeys(studies or STUDIES)], full, folder, workers, retry_failed, engines)
+        folder.mkdir(parents=True, exist_ok=True)
+        cases = {name: load_study(name).cases(full) for name in studies or STUDIES}
+        run_cases(cases, folder, workers, full, engines, retry_failed)
 
 
 def verdicts_on(engine: str) -> "Iterator[Verdict]":
     """Return the verdicts on an engine, one after the other as they are found."""
     from studies.conform import verdicts
 
-    chosen = read_engine(engine, {})
-    join(engine)
-    return verdicts(chosen)
+    join_engines([engine])
+    return verdicts(read_engine(engine, {}))
 
 
 def verdicts_on_file(table: str, scene: str) -> "Iterator[Verdict]":
-    """Return the verdicts on a CSV table that another solver made of a scene, by the names of its columns.
+    """Yield a verdict on each column that a CSV table of another solver has as ``simulate`` names it.
 
-    Its times ``time_s`` are equally spaced from 0 on, since the reference solution is sampled so.
+    Its times ``time_s`` are equally spaced from 0 on, since the reference solution is sampled so. What is
+    asked is what is asked of every engine, up to where the reference solution is known.
     """
     import pandas as pd
 
-    from studies.conform import verdicts_on_table
+    from studies.conform import PLACE_M, STRENGTH, Verdict, within
 
     try:
         columns = pd.read_csv(table)
         times = columns["time_s"].to_numpy()
         np.testing.assert_allclose(times, np.linspace(0, times[-1], len(times)), atol=1e-9 * times[-1])
-        true = truth(scene, end=float(times[-1]), samples=len(times) - 1).frame.reset_index()
     except (OSError, ValueError, LookupError, AssertionError) as reason:
         expected = "a CSV file with time_s at equal distances from 0 on"
         raise BadInput(f"from: expected {expected}, got '{reason}'") from None
-    shared = [name for name in true if name in columns]
-    if len(shared) < 2:
-        raise BadInput(f"from: expected columns such as {true.columns[1]}, got {', '.join(columns)}")
-    return verdicts_on_table(columns[shared], true[shared])
+    true = truth(scene, end=float(times[-1]), samples=len(times) - 1).frame.reset_index(drop=True)
+    if not (shared := [name for name in true if name in columns]):
+        raise BadInput(f"from: expected columns such as {true.columns[0]}, got {', '.join(columns)}")
+    for name in shared:
+        off, largest = (columns[name] - true[name]).abs().max(), true[name].abs().max()
+        bound = PLACE_M if name.endswith("position_m") else STRENGTH * largest
+        words = f"off, the largest is {largest:.3g}", "what is asked of every engine"
+        yield Verdict(name, "", *within(float(off), bound, *words))
 
 
 @contextmanager

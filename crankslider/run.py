@@ -3,7 +3,7 @@
 import io
 import json
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -29,10 +29,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-
-#: Endings of the files of tables, of figures and of animations; and the place of no file.
+#: Endings of the files that a run is written to; and the place of no file.
 TABLES, PICTURES = (".csv", ".json", ".parquet", ""), (".png", ".svg", ".pdf")
-FILMS = (".html", ".gif", ".mp4")
+FILES = {"out": TABLES, "impacts": TABLES, "plot": PICTURES, "animate": (".html", ".gif", ".mp4")}
 STDOUT = Path("-")
 #: A note says that samples miss the largest contact force by more than this part of it.
 MISSED = 0.1
@@ -46,6 +45,9 @@ class ContactForce(NamedTuple):
     force_N: float
     joint: str
     time_s: float
+
+    def __str__(self) -> str:
+        return f"{_newtons(self.force_N)} at joint {self.joint} at t = {self.time_s:.6g} s"
 
 
 @dataclass(frozen=True)
@@ -75,24 +77,22 @@ class Run:
         """The samples: motion, forces and energies over ``time_s``, with the columns of the command line."""
         import pandas as pd
 
-        return pd.DataFrame(self._samples()).set_index("time_s")
+        return pd.DataFrame(self.columns("out")).set_index("time_s")
 
     @cached_property
     def impacts(self) -> "pd.DataFrame":
         """The contacts that have ended, one row each in the order of time; empty in an ideal scene."""
         import pandas as pd
 
-        return pd.DataFrame(self._impacts())
+        return pd.DataFrame(self.columns("impacts"))
 
-    def _samples(self) -> Mapping[str, Any]:
-        from studies.judges.columns import sample_columns
+    def columns(self, table: str) -> Mapping[str, Any]:
+        """Return the columns of the table ``out``, of samples, or ``impacts``, without what pandas costs."""
+        from studies.judges.columns import impact_columns, sample_columns
 
+        if table == "impacts":
+            return impact_columns(self.trajectory.contacts)
         return sample_columns(self.scene, self.trajectory)
-
-    def _impacts(self) -> Mapping[str, Any]:
-        from studies.judges.columns import impact_columns
-
-        return impact_columns(self.trajectory.contacts)
 
     @property
     def largest_contact_force(self) -> ContactForce | None:
@@ -126,18 +126,14 @@ class Run:
         """
         from reports.run_figures import time_plot
 
-        self.require_columns(columns)
+        for name in columns:
+            if name not in self.frame:
+                raise BadInput(unknown("columns", name, self.frame))
         mark = None
         if largest := self.largest_contact_force:
             label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
             mark = largest.time_s, largest.force_N, label
         return time_plot(self.frame, self._title, self.quality.summary(), mark, columns)
-
-    def require_columns(self, columns: Sequence[str]) -> None:
-        """Raise BadInput if the frame lacks one of these."""
-        for name in columns:
-            if name not in self.frame:
-                raise BadInput(unknown("columns", name, self.frame))
 
     @check_arguments
     def plot_orbit(self, joint: str) -> "Figure":
@@ -146,9 +142,8 @@ class Run:
 
         clearances = self.scene.clearances
         if joint not in clearances:
-            expected = (
-                f"{one_of([*clearances])}, which has clearance" if clearances else "a scene with clearance"
-            )
+            some = f"{one_of([*clearances])}, which has clearance"
+            expected = some if clearances else "a scene with clearance"
             raise BadInput(f"joint: expected {expected}, got {shown(joint)}")
         return orbit_plot(self.frame, joint, clearances[joint].radial_clearance_m, self._title)
 
@@ -179,15 +174,15 @@ class Run:
             exaggerate: enlarge clearances in the animation by this factor.
         """
         contents = {}
-        for name, place, columns in (("out", out, self._samples), ("impacts", impacts, self._impacts)):
+        for name, place in (("out", out), ("impacts", impacts)):
             if place is not None:
-                contents[name] = place, self._encoded(columns(), Path(place).suffix.lower())
+                contents[name] = place, self._encoded(self.columns(name), Path(place).suffix.lower())
         if plot is not None:
-            contents["plot"] = plot, picture(self.plot(plot_columns), Path(plot))
+            contents["plot"] = plot, picture(self.plot(plot_columns), plot)
         if animate is not None:
             contents["animate"] = animate, self.film(Path(animate).suffix.lower(), exaggerate)
         for name, (place, content) in contents.items():
-            write_file(name, Path(place), content)
+            write_file(name, place, content)
 
     def film(self, ending: str, exaggerate: float) -> bytes:
         """Return the animation as the bytes of a file; progress is told as that of a run."""
@@ -210,9 +205,8 @@ class Run:
         if ending == ".json":
             known = {name: [None if it != it else it for it in values] for name, values in lists.items()}
             return (json.dumps({"made_by": self.made_by, "columns": known}) + "\n").encode("utf-8")
-        rows = zip(*lists.values(), strict=True)
-        lines = [",".join(lists), *(",".join(map(str, row)) for row in rows)]
-        return ("\n".join(lines) + "\n").encode("utf-8")
+        lines = [lists, *zip(*lists.values(), strict=True)]
+        return "".join(",".join(map(str, line)) + "\n" for line in lines).encode("utf-8")
 
     @property
     def made_by(self) -> dict[str, Any]:
@@ -237,34 +231,29 @@ class Run:
 
         Of a reference solution there is one on its uncertainty, its end and its method.
         """
-        steps, allowed_s, end_s = self.trajectory.steps, self.trajectory.step_s, self.trajectory.time_s[-1]
+        steps, allowed_s, time_s = self.trajectory.steps, self.trajectory.step_s, self.trajectory.time_s
         if self.by:
-            certain = f"{self.certain_m:.1e} m"
-            if self.scene.observed.what == "angle":
-                certain = f"{self.certain_m / lever_m(self.scene):.1e} rad"
-            line = f"{self.scene.observed.name} is certain to {certain} until t = {end_s:.6g} s, by {self.by}"
-            return [line, *self._notes_of_force()]
-        method = vars(self.engine).get("method")
-        mean_s = end_s / max(steps, 1)
-        how_long = f"{mean_s:.3g} s on average, up to {allowed_s:.6g} s allowed"
-        if mean_s > 0.99 * allowed_s:
-            how_long = f"the longest {allowed_s:.6g} s"
-        lines = [f"quality: {self.quality.summary()}{'' if self.checked else ', not checked'}"]
-        lines.append(f"{steps} steps{f' of {method}' if method else ''}, {how_long}")
-        if (moved := self.scene.placed.moved) is not None:
-            lines.insert(0, f"start put together: {moved} from what the file tells")
+            lever = lever_m(self.scene) if (angle := self.scene.observed.what == "angle") else 1.0
+            certain = f"{self.certain_m / lever:.1e} {'rad' if angle else 'm'} until t = {time_s[-1]:.6g} s"
+            lines = [f"{self.scene.observed.name} is certain to {certain}, by {self.by}"]
+        else:
+            method, mean_s = vars(self.engine).get("method"), time_s[-1] / max(steps, 1)
+            how_long = f"{mean_s:.3g} s on average, up to {allowed_s:.6g} s allowed"
+            if mean_s > 0.99 * allowed_s:
+                how_long = f"the longest {allowed_s:.6g} s"
+            lines = [f"quality: {self.quality.summary()}{'' if self.checked else ', not checked'}"]
+            lines.append(f"{steps} steps{f' of {method}' if method else ''}, {how_long}")
+            if (moved := self.scene.placed.moved) is not None:
+                lines.insert(0, f"start put together: {moved} from what the file tells")
         return lines + self._notes_of_force()
 
     def _notes_of_force(self) -> list[str]:
         """Return a line on the largest contact force, and one if samples miss it."""
         if (largest := self.largest_contact_force) is None:
             return []
-        line = f"the largest contact force is {_newtons(largest.force_N)}"
-        lines = [f"{line} at joint {largest.joint} at t = {largest.time_s:.6g} s"]
-        overall = self._largest_force(0.0)
-        if self.start_s and overall and overall != largest:
-            before = f"{_newtons(overall.force_N)} at joint {overall.joint} at t = {overall.time_s:.6g} s"
-            lines[0] += f", after the transient to {self.start_s:g} s, in which it is {before}"
+        lines = [f"the largest contact force is {largest}"]
+        if (overall := self._largest_force(0.0)) != largest:
+            lines[0] += f", after the transient to {self.start_s:g} s, in which it is {overall}"
         late = self.trajectory.time_s >= self.start_s
         shown_N = self.trajectory.contacts[largest.joint].normal_force_N[late].max(initial=0.0)
         if shown_N < (1 - MISSED) * largest.force_N:
@@ -294,16 +283,6 @@ class Sweep:
     fields: tuple[str, ...]
     frame: "pd.DataFrame"
 
-    @cached_property
-    def warning(self) -> str | None:
-        """A line that counts the members with warnings, with the first of them; None without any."""
-        warned = self.frame[self.frame["warnings"].fillna("") != ""]
-        if warned.empty:
-            return None
-        first = warned.iloc[0]
-        count = f"{len(warned)} of {len(self.frame)} members have warnings (column warnings)"
-        return f"{count}: member {first['member']}: {first['warnings']}"
-
     @check_arguments
     def plot(self, show: str | None = None) -> "Figure":
         """Return the figure over the one or two fields that differ, of a column or of a default one."""
@@ -316,12 +295,6 @@ class Sweep:
             return sweep_picture(self.frame, self.fields, self.title, show)
         except NoPicture as reason:
             raise BadInput(f"plot: {reason}") from None
-
-    def encoded(self, ending: str) -> bytes:
-        """Return the rows as the bytes of a .csv or .parquet file."""
-        if ending == ".csv":
-            return bytes(self.frame.to_csv(index=False).encode("utf-8"))
-        return bytes(self.frame.to_parquet(index=False))
 
 
 @check_arguments
@@ -340,47 +313,44 @@ def require_outputs(
     if impacts is not None and not scene.joints_with_clearance:
         raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has no impacts")
     taken = [os.path.realpath(name) for name in inputs]
-    places = {"out": (out, TABLES), "impacts": (impacts, TABLES), "plot": (plot, PICTURES)}
-    for name, (place, endings) in {**places, "animate": (animate, FILMS)}.items():
+    for name, place in {"out": out, "impacts": impacts, "plot": plot, "animate": animate}.items():
         if place is not None:
-            require_file(name, Path(place), endings)
+            require_file(name, place, FILES[name])
             if (file := os.path.realpath(place)) in taken:
                 expected = "a file that neither the scene is read from nor another is written to"
                 raise BadInput(f"{name}: expected {expected}, got {place}")
             taken.append(file)
 
 
-def require_file(argument: str, path: Path, endings: Collection[str]) -> None:
-    """Refuse a file that cannot be written or has another ending."""
-    ending = path.suffix.lower()
+def require_file(argument: str, place: str | Path, endings: Sequence[str]) -> None:
+    """Refuse a file that cannot be written or has another ending; .mp4 takes ffmpeg."""
+    path = Path(place)
+    if (ending := path.suffix.lower()) == ".mp4":
+        from reports.film import can_write
+
+        endings = [each for each in endings if can_write(each)]
     if ending not in endings:
         expected = f"a file that ends in {one_of([each for each in endings if each])}"
         raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
-    if ending == ".mp4":
-        from reports.film import can_write
-
-        if not can_write(ending):
-            expected = "a file that ends in .html or .gif where ffmpeg is not installed"
-            raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
     if path != STDOUT:
         with writing(argument, path):
             require_place(path)
 
 
-def write_file(argument: str, path: Path, content: bytes) -> None:
+def write_file(argument: str, place: str | Path, content: bytes) -> None:
     """Write a whole file, or to stdout."""
-    with writing(argument, path):
-        if path == STDOUT:
+    with writing(argument, Path(place)):
+        if Path(place) == STDOUT:
             print(content.decode("utf-8"), end="")
         else:
-            write_whole(path, content)
+            write_whole(Path(place), content)
 
 
-def picture(figure: "Figure", path: Path) -> bytes:
+def picture(figure: "Figure", place: str | Path) -> bytes:
     """Return a figure as the bytes of a file."""
     from reports.look import picture_bytes  # loads Matplotlib
 
-    return picture_bytes(figure, path.suffix.lower())
+    return picture_bytes(figure, Path(place).suffix.lower())
 
 
 def _newtons(force_N: float) -> str:

@@ -22,7 +22,7 @@ from studies.failures import BadInput, Failed, log, progress_console, writing
 from studies.judges.comparison import Judged, compared, judged
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
 from studies.judges.metrics import energy_balance_residual_J, is_force, sizes
-from studies.whole_file import require_folder, write_whole
+from studies.whole_file import write_whole
 from studies.workers import Ended, Pool
 
 FOLDER, FILE = Path(__file__).parent, "baselines.csv"
@@ -92,10 +92,8 @@ def measure(case: Case) -> dict[str, str | float] | None:
     row: dict[str, str | float] = dict(zip(RUN, names, strict=True))
     try:
         result = judged(engine, case.scene, case.run)
-    except UnsupportedScene:
-        return None
-    except SimulationFailed:
-        return row
+    except (UnsupportedScene, SimulationFailed) as reason:
+        return None if isinstance(reason, UnsupportedScene) else row
     errors = {name: float(str(value)) for name, value in compared(result)[0].items() if "_error_" in name}
     row["position_error_m"], row["velocity_error_m_s"], *_ = errors.values()
     row["force_error_N"] = max((value for name, value in errors.items() if is_force(name)), default=math.nan)
@@ -134,18 +132,18 @@ def measure_all(engines: Collection[str] = arms.NAMED) -> pd.DataFrame:
 
 def differences(measured: pd.DataFrame, accepted: pd.DataFrame) -> list[str]:
     """Return a line for each number that left its band, has no baseline, or is gone."""
-    old, new = accepted.set_index(RUN)[[*FLOORS]], measured.set_index(RUN)[[*FLOORS]]
+    old, new = (table.set_index(RUN)[[*FLOORS]] for table in (accepted, measured))
     lines = []
     for run in old.index.union(new.index, sort=False):
-        smooth = run[0].startswith("ideal") and run[3] != "as it comes"
-        kind = "smooth" if smooth else run[3].partition(" ")[0]
+        scene, engine, configuration, setting = run
+        smooth = scene.startswith("ideal") and setting != "as it comes"
         for number, floor in FLOORS.items():
             was, value = (float(table[number].get(run, math.nan)) for table in (old, new))
-            factor = FACTORS.get(number, FACTORS[kind])
+            factor = FACTORS.get(number, FACTORS["smooth" if smooth else setting.partition(" ")[0]])
             low, high = (was / factor if was > factor * floor else 0.0), max(was, floor) * factor
             if not (low <= value <= high or (math.isnan(was) and math.isnan(value))):
+                where = f"{engine} ({configuration}) on {scene}, {setting}"
                 band = f"baseline {was:.4g}, band {low:.4g} to {high:.4g}"
-                where = f"{run[1]} ({run[2]}) on {run[0]}, {run[3]}"
                 lines.append(f"{number} of {where}: got {value:.4g} ({band})")
     return lines
 
@@ -159,16 +157,15 @@ def read(folder: Path) -> pd.DataFrame:
         raise BadInput(f"baselines: expected {folder / FILE}, got '{reason}': {todo}") from None
 
 
-def require_baselines(folder: Path | None, accept: bool, why: str | None) -> None:
+def require_baselines(folder: Path, accept: bool, why: str | None) -> None:
     """Refuse, before any work, acceptance without a reason, and a folder that cannot be read or written."""
     if accept != bool(why and why.strip()):
-        raise BadInput(
-            f"why: expected a reason with accept, got {'none' if accept else 'one without accept'}"
-        )
-    if accept and folder is not None:
+        got = "none" if accept else "one without accept"
+        raise BadInput(f"why: expected a reason with accept, got {got}")
+    if accept:
         with writing("baselines", folder):
-            require_folder(folder)
-    elif folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+    else:
         read(folder)
 
 
@@ -182,7 +179,6 @@ def compare_or_accept(engines: Collection[str], folder: Path, why: str | None) -
         return lines
     text = measured.to_csv(index=False, float_format="%.4g", lineterminator="\n")
     with writing("baselines", folder):
-        folder.mkdir(parents=True, exist_ok=True)
         write_whole(folder / FILE, f"# {' '.join(why.split())}\n{text}".encode())
     log.info(f"{count} numbers are accepted")
     return []

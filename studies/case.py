@@ -3,6 +3,7 @@
 import hashlib
 import json
 import platform
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping
@@ -108,12 +109,11 @@ def run_case(case: Case) -> tuple[Row, Curves]:
     """Run a case; where there is no run the row has what ``ended`` gives."""
     try:
         measured, curves = load_study(case.study).measure(case)
-    except UnsupportedScene as refusal:
-        return ended(case, "unsupported", refusal), {}
-    except SimulationFailed as failure:
-        return ended(case, "failed", failure), {}
-    except MemoryError as error:
-        return ended(case, "out of memory", error), {}
+    except (UnsupportedScene, SimulationFailed, MemoryError) as reason:
+        status = {UnsupportedScene: "unsupported", SimulationFailed: "failed", MemoryError: "out of memory"}
+        return ended(
+            case, next(word for kind, word in status.items() if isinstance(reason, kind)), reason
+        ), {}
     except Exception as error:
         raise Failed(f"{case.arm.label} on {case.scene.name}: {bug(error)}") from error
     return {**case.head(), "status": "ok", "reason": "", **measured}, curves
@@ -185,8 +185,6 @@ def _commit() -> str:
 
 
 def _processor() -> str:
-    if sys.platform == "linux":
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor()
+    told = Path("/proc/cpuinfo").read_text(encoding="utf-8") if sys.platform == "linux" else ""
+    name = re.search(r"^model name\s*: (.*)", told, re.MULTILINE)
+    return name[1] if name else platform.processor()

@@ -4,7 +4,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
-from multiprocessing import current_process
 from threading import local
 from typing import Any, TypeVar
 
@@ -29,8 +28,9 @@ class Cluster:
         try:
             self._distributed: Any = import_module("distributed")  # optional, and without types
         except ImportError:
-            raise _refusal(
-                "the package distributed to be installed", "none (try crankslider[cluster])"
+            got = "none (try crankslider[cluster])"
+            raise BadInput(
+                f"scheduler: expected the package distributed to be installed, got {got}"
             ) from None
         for logger in ("distributed", "distributed.client", "distributed.core", "tornado.application"):
             # What they tell with tracebacks, we tell in a line.
@@ -38,20 +38,21 @@ class Cluster:
         try:
             # Asked before there is a client: one that cannot connect complains once more at its end.
             server = asyncio.run(asyncio.wait_for(self._identity(address), 1.2 * CONNECT_S))["type"]
+            if server != "Scheduler":
+                raise ValueError(f"a {server}")
         except Exception as error:  # whatever a server that is no Dask makes of us
-            raise _refusal("the address of a Dask scheduler", f"{address} ({error or 'no answer'})") from None
-        if server != "Scheduler":
-            raise _refusal("the address of a Dask scheduler", f"that of a {server}")
+            got = f"{address} ({error or 'no answer'})"
+            raise BadInput(f"scheduler: expected the address of a Dask scheduler, got {got}") from None
         self._client = self._distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
         try:
             self._client.wait_for_workers(1, timeout=CONNECT_S)
             codes = {*self._client.run(code_of, "reference").values()}
         except Exception as error:
-            codes = {error}
+            codes = {str(error)}
         if codes != {code_of("reference")}:
             self._client.close()
             expected = f"workers with our code and libraries ({code_of('reference')})"
-            raise _refusal(expected, ", ".join(map(str, codes)))
+            raise BadInput(f"scheduler: expected {expected}, got {', '.join(codes)}")
 
     async def _identity(self, address: str) -> Any:
         async with self._distributed.rpc(address, timeout=CONNECT_S) as server:
@@ -60,9 +61,8 @@ class Cluster:
     def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
         """Yield every item and what its call gave, as it ends."""
         futures = {self._client.submit(_contained, call, item, pure=False): item for item in items}
-        done = self._distributed.as_completed(list(futures), loop=self._client.loop)
         try:
-            for future in done:
+            for future in self._distributed.as_completed([*futures], loop=self._client.loop):
                 try:
                     result = future.result()
                 except self._distributed.KilledWorker as reason:  # with it died all that waited there
@@ -71,7 +71,7 @@ class Cluster:
                     raise Failed(f"the scheduler of the cluster is gone: {error}") from None
                 yield futures.pop(future), result
         finally:
-            self._client.cancel(list(futures))
+            self._client.cancel([*futures])
 
     def __enter__(self) -> "Cluster":
         return self
@@ -80,13 +80,8 @@ class Cluster:
         self._client.close()
 
 
-def _refusal(expected: str, came: str) -> BadInput:
-    return BadInput(f"scheduler: expected {expected}, got {came}")
-
-
 def _contained(call: Callable[[Any], T], item: Any) -> T | Ended:
     """Run a call on a Dask worker's thread, in a process of its own."""
-    current_process().daemon = False  # a nanny's workers may have no children; ours end with them
     if not hasattr(_OWN, "worker"):
         _OWN.worker = Worker()
     try:

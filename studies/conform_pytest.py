@@ -6,10 +6,10 @@ import pytest
 
 from engine_models.engines import make_engine
 from engine_models.scene.library import ALL_SCENES
-from studies.conform import CLAIMS, OF_ENGINE, Trial, scene_of, tried
+from studies.conform import CLAIMS, OF_ENGINE, trial_of, tried
 
 OPTION = "--crankslider-engine"
-_trial = cache(lambda engine, scene: Trial(make_engine(engine), scene_of(scene)))
+_trial = cache(lambda engine, scene: trial_of(make_engine(engine), scene))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

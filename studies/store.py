@@ -65,9 +65,8 @@ class Store:
             try:
                 lock.execute("begin exclusive")
             except sqlite3.OperationalError:
-                todo = "wait for it, or name another folder"
-                expected = "a folder that no other run holds"
-                raise BadInput(f"out: expected {expected}, got {self.path.parent}: {todo}") from None
+                got = f"{self.path.parent}: wait for it, or name another folder"
+                raise BadInput(f"out: expected a folder that no other run holds, got {got}") from None
             yield
 
     def statuses(self) -> dict[str, str]:
@@ -95,12 +94,10 @@ class Store:
         file, and count again with that code. Cases of which nothing is known have no row.
         """
         facts: dict[str, Any] = json.loads(dict(self._ask("select * from study")).get(study, "{}"))
-        codes, query = facts.get("engines", {}), "select key, engine, code, content from row where study = ?"
-        found = self._ask(f"{query} and status != ? order by key", study, KILLED)
-        rows = [
-            {"case": key, **json.loads(row)} for key, engine, code, row in found if codes.get(engine) == code
-        ]
-        return rows, facts
+        query = "select key, engine, code, content from row where study = ? and status != ? order by key"
+        found, codes = self._ask(query, study, KILLED), facts.get("engines", {})
+        rows = [(key, content) for key, engine, code, content in found if codes.get(engine) == code]
+        return [{"case": key, **json.loads(content)} for key, content in rows], facts
 
     def curves(self, key: str) -> Curves:
         """Return the curves of a case; none where it has none."""

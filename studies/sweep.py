@@ -6,14 +6,16 @@ A member's values depend on the seed and on its number alone, not on who runs it
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from engine_models.arms import AS_IT_COMES, Arm, Setting
 from engine_models.convergence.doubts import doubts
-from engine_models.engine import Contact, Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
+from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.start import start_angle, start_state
@@ -21,7 +23,7 @@ from engine_models.mechanics.states import observed_m
 from engine_models.scene.format import SceneError
 from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
-from engine_models.scene.units import NUMBER, in_unit, unit_of
+from engine_models.scene.units import in_unit, unit_of
 from studies.case import Case, Curves, Row, Value
 from studies.failures import BadInput
 from studies.judges.closing import closed
@@ -37,6 +39,8 @@ FORM = "LOW:HIGH[:log][:COUNT] or a list of numbers"
 TURN_SAMPLES, MOST_SAMPLES = 200, 100_000
 #: How the columns of varied fields begin in the rows that are kept.
 VARIED = "varied "
+#: The columns of how long a member runs, in revolutions, and of its longest step in s.
+LENGTHS = ("transient", "revolutions", "step")
 #: How a member ended.
 ENDS = ("status", "reason", "warnings")
 
@@ -89,30 +93,26 @@ class Range:
 
 
 def _range(field: str, values: str | Sequence[float]) -> Range | FloatArray:
-    if isinstance(values, str) and ":" in values:
-        low, high, *rest = values.split(":")
-        form = re.fullmatch(r"(log)?(?:(?:^|:)(\d{1,9}))?", ":".join(rest), re.ASCII)
-        if form is None:
-            raise BadInput(f"vary {field}: expected {FORM}, got {shown(values)}")
-        count = int(form[2]) if form[2] else None
-        wanted = Range(_number(field, low), _number(field, high), bool(form[1]), count)
-        if not wanted.low < wanted.high or (wanted.log and wanted.low <= 0):
-            expected = "a range that rises, with log from above 0"
-            raise BadInput(f"vary {field}: expected {expected}, got {shown(values)}")
-        return wanted
-    given = values.split(",") if isinstance(values, str) else values
-    numbers = np.array([_number(field, it) if isinstance(it, str) else float(it) for it in given])
-    if not numbers.size or not np.isfinite(numbers).all():
-        raise BadInput(f"vary {field}: expected finite numbers, got {numbers.tolist() or 'none'}")
-    return numbers
+    if not isinstance(values, str) or ":" not in values:
+        given = values.split(",") if isinstance(values, str) else values
+        return np.array([_number(field, value) for value in given])
+    form = re.fullmatch(r"([^:]*):([^:]*)(:log)?(?::(\d{1,9}))?", values, re.ASCII)
+    if form is None:
+        raise BadInput(f"vary {field}: expected {FORM}, got {shown(values)}")
+    low, high, log = _number(field, form[1]), _number(field, form[2]), bool(form[3])
+    if not low < high or (log and low <= 0):
+        expected = "a range that rises, with log from above 0"
+        raise BadInput(f"vary {field}: expected {expected}, got {shown(values)}")
+    return Range(low, high, log, int(form[4]) if form[4] else None)
 
 
-def _number(field: str, text: str) -> float:
+def _number(field: str, value: str | float) -> float:
     unit = unit_of(field.rpartition(".")[2])
-    number = float(text) if NUMBER.fullmatch(text) else in_unit(text, unit) if unit else text
-    if isinstance(number, str) or not math.isfinite(number):
-        raise BadInput(f"vary {field}: expected {FORM}, got {shown(text)}")
-    return number
+    number = in_unit(value, unit) if unit else value
+    with suppress(ValueError):
+        if math.isfinite(number := float(number)):
+            return number
+    raise BadInput(f"vary {field}: expected {FORM}, got {shown(value)}")
 
 
 def _grid(
@@ -124,15 +124,14 @@ def _grid(
         raise BadInput("vary: expected FIELD=VALUES, or members and jitter, got nothing")
     axes = []
     for field, values in ranges.items():
-        if not isinstance(values, Range):
-            axes.append(values)
-        elif values.count is not None and 2 <= values.count <= MOST_MEMBERS:
+        if isinstance(values, Range):
+            if not 2 <= (values.count or 0) <= MOST_MEMBERS:
+                expected = f"a count from 2 to {MOST_MEMBERS} behind the ends on a grid"
+                raise BadInput(f"vary {field}: expected {expected}, got {values.count or 'none'}")
             spaced = np.geomspace if values.log else np.linspace
-            axes.append(spaced(values.low, values.high, values.count))
-        else:
-            expected = f"a count from 2 to {MOST_MEMBERS} behind the ends on a grid"
-            raise BadInput(f"vary {field}: expected {expected}, got {values.count or 'none'}")
-    if (count := math.prod(map(len, axes)) * (members or 1)) > MOST_MEMBERS:
+            values = spaced(values.low, values.high, values.count or 0)
+        axes.append(values)
+    if not 0 < (count := math.prod(map(len, axes)) * (members or 1)) <= MOST_MEMBERS:
         raise BadInput(f"vary: expected 1 to {MOST_MEMBERS} members, got {count}")
     grid = [np.repeat(values.ravel(), members or 1) for values in np.meshgrid(*axes, indexing="ij")]
     return dict(zip(ranges, grid, strict=True))
@@ -215,23 +214,21 @@ def member(scene: Scene, values: Mapping[str, float], revolutions: float) -> Sce
 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Simulate a member as ``crankslider simulate`` does, and return what it did, with its warnings."""
-    columns = case.columns
-    transient, revolutions = (float(str(columns[name])) for name in ("transient", "revolutions"))
-    varied = {name: it for name, it in columns.items() if name.startswith(VARIED)}
-    values = {name.removeprefix(VARIED): float(str(it)) for name, it in varied.items()}
+    numbers = {name: float(str(value)) for name, value in case.columns.items() if value is not None}
+    transient, revolutions, step_s = (numbers.pop(name, math.inf) for name in LENGTHS)
     engine = make_engine(case.engine, **case.settings)
+    values = {name.removeprefix(VARIED): number for name, number in numbers.items()}
     try:
         scene = member(case.scene, values, transient + revolutions)
     except SceneError as reason:
         raise SimulationFailed(str(reason)) from None
     samples = max(1, min(round(TURN_SAMPLES * (transient + revolutions)), MOST_SAMPLES))
-    longest_s = scene.end_time_s if columns["step"] is None else float(str(columns["step"]))
     with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
-        settings = RunSettings(min(longest_s, scene.end_time_s), samples)
+        settings = RunSettings(min(step_s, scene.end_time_s), samples)
         run = engine.simulate(scene, settings)
         warnings = doubts(engine, scene, run, settings)
-    numbers = {**quality_of(scene, run).parts(), **summary(scene, run, transient, revolutions)}
-    known = {name: value for name, value in numbers.items() if math.isfinite(value)}
+    results = {**quality_of(scene, run).parts(), **summary(scene, run, transient, revolutions)}
+    known = {name: value for name, value in results.items() if math.isfinite(value)}
     return {"warnings": "; ".join(warnings), **known}, {}
 
 
@@ -261,7 +258,12 @@ def summary(scene: Scene, run: Trajectory, transient: float, revolutions: float)
     assert lost is not None, "there are contacts"
     pressed = np.sum([contact.normal_impulse_N_s for contact in contacts], axis=0)
     in_flight = np.all([contact.penetration_m[first:] < 0 for contact in contacts], axis=0)
-    compliant = [run.contacts[joint] for joint, own in scene.clearances.items() if own.law != "rigid"]
+    forces_N = [math.nan]
+    for joint, contact in run.contacts.items():
+        if scene.clearances[joint].law != "rigid":
+            impacts = contact.impacts
+            ended = impacts.largest_normal_force_N[impacts.largest_normal_force_time_s >= from_s]
+            forces_N += [*contact.normal_force_N[first:], *ended]
     subject = "slider" if scene.is_crank_slider else "observed"
     return {
         "impacts_per_revolution": len(touch_s) / revolutions,
@@ -269,9 +271,7 @@ def summary(scene: Scene, run: Trajectory, transient: float, revolutions: float)
         "impact_speed_m_s": _mean(speed),
         "impulse_N_s": _mean(impulse),
         "impulse_per_revolution_N_s": float(pressed[-1] - pressed[first]) / revolutions,
-        "largest_contact_force_N": max(
-            (_peak_N(each, first, from_s) for each in compliant), default=math.nan
-        ),
+        "largest_contact_force_N": float(np.fmax.reduce(forces_N)),
         "dissipated_energy_per_revolution_J": float((lost[-1] - lost[first]) / revolutions),
         f"{subject}_deviation_m": float(np.abs(deviation).max()),
         f"rms_{subject}_deviation_m": float(np.sqrt(np.mean(deviation**2))),
@@ -293,37 +293,20 @@ def _mean(values: FloatArray) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else math.nan
 
 
-def _peak_N(contact: Contact, first: int, from_s: float) -> float:
-    """Return the largest normal force of a contact from a sample on, between samples that of its impacts."""
-    impacts = contact.impacts
-    late = impacts.largest_normal_force_N[impacts.largest_normal_force_time_s >= from_s]
-    return float(max(contact.normal_force_N[first:].max(), late.max(initial=0.0)))
-
-
 def _touches(run: Trajectory, from_s: float) -> FloatArray:
-    """Return times, speeds and impulses of touches from a time on, (3, m), NaN of what is not known."""
-    parts = []
-    for contact in run.contacts.values():
-        impacts, lasting = contact.impacts, _lasting_s(run.time_s, contact)
-        unknown = np.full(len(lasting), np.nan)
-        over = impacts.time_s, impacts.approach_speed_m_s, impacts.normal_impulse_N_s
-        parts.append(np.concatenate([over, (lasting, unknown, unknown)], axis=1))
-    touches = np.concatenate(parts, axis=1)
-    touches = touches[:, np.argsort(touches[0], kind="stable")]
-    return np.asarray(touches[:, touches[0] >= from_s])
+    """Return times, speeds and impulses of touches from a time on, (3, m), NaN of what is not known.
 
-
-def _lasting_s(time_s: FloatArray, contact: Contact) -> FloatArray:
-    """Return when the contact began that lasts at the end: nothing if there is none, or it never began.
-
-    That is between two samples, or where the one before ended if no sample lies in the flight between.
+    A contact that lasts at the end began between two samples, or where the one before ended if no sample lies
+    in the flight between.
     """
-    depth, over = contact.penetration_m, contact.impacts.time_s + contact.impacts.duration_s
-    flying = np.flatnonzero(depth < 0)
-    if depth[-1] < 0 or not (len(flying) or len(over)):
-        return np.empty(0)
-    began = list(over)
-    if len(flying):
-        last = slice(flying[-1], flying[-1] + 2)
-        began.append(np.interp(0.0, depth[last], time_s[last]))
-    return np.array([max(began)])
+    touches = list[tuple[float, float, float]]()
+    for contact in run.contacts.values():
+        depth, over = contact.penetration_m, contact.impacts
+        touches += zip(over.time_s, over.approach_speed_m_s, over.normal_impulse_N_s, strict=True)
+        flying = np.flatnonzero(depth < 0)[-1:]
+        began = [float(np.interp(0.0, depth[k : k + 2], run.time_s[k : k + 2])) for k in flying]
+        began += [*(over.time_s + over.duration_s)]
+        if depth[-1] >= 0 and began:
+            touches.append((max(began), math.nan, math.nan))
+    late = sorted((touch for touch in touches if touch[0] >= from_s), key=itemgetter(0))
+    return np.asarray(np.array(late).reshape(-1, 3).T)

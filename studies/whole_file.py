@@ -1,6 +1,5 @@
 """Files and folders written whole or not at all: what was there stays until the new one is complete."""
 
-import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,15 +17,6 @@ def require_place(path: Path) -> None:
     if path.is_file() or not path.exists():
         with TemporaryFile(dir=path.parent):
             pass
-
-
-def require_folder(path: Path) -> None:
-    """Raise OSError if ``path`` is no folder and cannot be made one, or nothing can be written in it."""
-    if os.path.lexists(path) and not path.is_dir():  # a file, or a link to nowhere
-        raise OSError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
-    there = next(place for place in (path.absolute(), *path.absolute().parents) if os.path.lexists(place))
-    with TemporaryFile(dir=there):
-        pass
 
 
 def write_whole(path: Path, content: bytes) -> None:

@@ -1,46 +1,40 @@
 """Calls in processes of this machine; the death of a process, or its time limit, is the affair of one call.
 
 Not ``concurrent.futures.ProcessPoolExecutor``, which breaks for every call when one process dies. Here every
-process has a pipe of its own.
+process has pipes of its own. None imports the script that calls for it.
 """
 
+import ctypes
 import os
 import pickle
 import signal
+import subprocess
 import sys
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
-from multiprocessing import current_process, get_context, parent_process, resource_tracker
-from multiprocessing.connection import Connection, wait
-from pathlib import Path
-from queue import SimpleQueue
-from tempfile import NamedTemporaryFile
-from threading import Lock, Thread
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from queue import LifoQueue
+from tempfile import TemporaryFile
+from threading import Event, Timer
 from typing import Any, TypeVar
 
-from studies.failures import Failed
+from engine_models.engine import SimulationFailed, UnsupportedScene
+from studies.failures import BadInput, Failed, bug
 
 T = TypeVar("T")
 #: How a call ended whose process did: by its own doing, at its limit, or by somebody else's.
 CRASHED, TIMED_OUT, KILLED = "crashed", "timed out", "killed from outside"
 #: Signals that no solver sends to itself: the kernel short of memory does, and people do.
-FROM_OUTSIDE = {
-    signal.SIGTERM,
-    signal.SIGINT,
-    *(getattr(signal, f"SIG{n}", 0) for n in ("KILL", "HUP", "QUIT")),
-}
+FROM_OUTSIDE = ("SIGTERM", "SIGINT", "SIGKILL", "SIGHUP", "SIGQUIT")
 #: A process that has not imported what a call needs within this time never will; one that has closed its pipe
 #: is dead within that time, in s.
 BEGINNING_S, DYING_S = 600.0, 5.0
-#: The exit code of a process that imports a script which calls for processes itself.
-NO_MAIN_GUARD = 113
-#: What keeps the current folder out of the path of a Python that starts, from 3.11 on.
-SAFE_PATH = "PYTHONSAFEPATH"
 #: Of the last line that a process said, so many characters are told.
 SHOWN_WORDS = 200
-#: Held while a child begins or ends: two threads at once would take each other's exit codes.
-_CHILDREN = Lock()
+#: What a process begins with: before it imports anything it has our path, so that no file in the current
+#: folder, such as ``array.py``, takes the place of a module of Python's.
+BEGIN = "import sys; sys.path[:] = sys.argv[2:]; from studies.workers import serve; serve(int(sys.argv[1]))"
+#: The option of Linux's prctl by which the kernel ends a process whose parent is no more.
+PR_SET_PDEATHSIG = 1
 
 
 class Ended(Exception):
@@ -55,11 +49,11 @@ class Ended(Exception):
 
 
 class Worker:
-    """One process after another, each started when a call first needs it."""
+    """One process after another, each started when a call first needs it; one call at a time."""
 
     def __init__(self) -> None:
-        self._process: Any = None
-        self._closed, self._busy = False, Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._closed = False
 
     def run(self, call: Callable[..., T], *args: object, limit_s: float) -> T:
         """Return what a call returns in the process, or raise what it raises.
@@ -71,105 +65,115 @@ class Worker:
             Ended: the process died of the call, exceeded the limit, or was killed.
             Failed: no process can begin.
         """
-        with self._busy:
-            used = self._process is not None
-            try:
-                return self._run(call, args, limit_s)
-            except Ended as end:
-                if self._closed or not used or end.status in (TIMED_OUT, KILLED):
-                    raise
+        used = self._process is not None
+        try:
             return self._run(call, args, limit_s)
+        except Ended as end:
+            if not used or end.status in (TIMED_OUT, KILLED):
+                raise
+        return self._run(call, args, limit_s)
 
-    def close(self) -> None:
-        """End the process, whatever it does, and start no other."""
+    def _run(self, call: Callable[..., T], args: tuple[object, ...], limit_s: float) -> T:
+        if self._process is None:
+            self._words = TemporaryFile("a+b")  # noqa: SIM115  it lives as long as the process
+            command = [sys.executable, "-c", BEGIN, str(os.getpid()), *sys.path]
+            pipe = subprocess.PIPE
+            self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=self._words)
+        if self._closed:
+            self._process.kill()
+        process, begun = self._process, False
+        assert process.stdin is not None
+        try:
+            pickle.dump((call, args), process.stdin)
+            process.stdin.flush()
+            self._answer(process, BEGINNING_S)
+            begun = True
+            value, error = self._answer(process, limit_s)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            raise self._death(process, begun) from None
+        if error is not None:
+            raise error
+        return value  # type: ignore[no-any-return]
+
+    def _answer(self, process: "subprocess.Popen[bytes]", limit_s: float) -> Any:
+        """Return what a process answers next; it is killed at the limit."""
+        late = Event()
+
+        def expire() -> None:
+            late.set()
+            process.kill()
+
+        timer = Timer(limit_s, expire)
+        timer.start()
+        try:
+            return pickle.load(process.stdout)  # type: ignore[arg-type]
+        except EOFError:
+            if late.is_set():
+                self.close()
+                raise Ended(TIMED_OUT, f"not finished within the limit of {limit_s:g} s") from None
+            raise
+        finally:
+            timer.cancel()
+
+    def _death(self, process: "subprocess.Popen[bytes]", begun: bool) -> Exception:
+        """Return how a process ended that has closed its pipe."""
+        try:
+            code = process.wait(DYING_S)
+        except subprocess.TimeoutExpired:
+            code = -signal.SIGKILL
+        self._words.seek(0)
+        said = self._words.read().decode("utf-8", "replace").strip().splitlines()
+        self.close()
+        name = signal.Signals(-code).name if code < 0 else ""
+        reason = f"killed by {name}" if name else f"ended with exit code {code}"
+        if said:
+            reason += f": {said[-1][:SHOWN_WORDS]}"
+        if name in FROM_OUTSIDE:
+            return Ended(KILLED, reason)
+        return Ended(CRASHED, reason) if begun else Failed(f"no process can begin: {reason}")
+
+    def kill(self) -> None:
+        """End the process, whatever it does, and every other one that a call begins."""
         self._closed = True
         if (process := self._process) is not None:
             process.kill()
-        with self._busy:
-            if self._process is not None:
-                self._end()
 
-    def _run(self, call: Callable[..., T], args: tuple[object, ...], limit_s: float) -> T:
-        if self._closed:
-            raise Ended(KILLED, "the run has ended")
-        if self._process is None:
-            self._begin()
-        begun, answer = False, b""
-        try:
-            self._pipe.send_bytes(pickle.dumps((call, args)))
-            while not answer:  # of no bytes it says that the call begins
-                limit = limit_s if begun else BEGINNING_S
-                if not self._pipe.poll(limit):
-                    self._end()
-                    raise Ended(TIMED_OUT, f"not finished within the limit of {limit:g} s")
-                answer, begun = self._pipe.recv_bytes(), True
-        except (EOFError, OSError):
-            end = self._death()
-            if not begun and end.status != KILLED:
-                raise Failed(f"no process can begin: {end}") from None
-            raise end from None
-        value: T
-        value, error = pickle.loads(answer)
-        if error is not None:
-            raise error
-        return value
-
-    def _begin(self) -> None:
-        context = get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        self._words = NamedTemporaryFile(prefix="crankslider-")  # noqa: SIM115  it lives as long as the process
-        process = context.Process(target=_serve, args=(theirs, self._words.name), daemon=True)
-        with _starting():
-            process.start()
-        theirs.close()
-        self._process = process
-
-    def _end(self) -> int:
-        """End the process and return its exit code."""
-        process, self._process = self._process, None
-        with _CHILDREN:
-            process.join(0)
-            if process.exitcode is None:
-                process.kill()
-                process.join()
-        self._pipe.close()
-        self._words.close()
-        return int(process.exitcode)
-
-    def _death(self) -> Ended:
-        """Return how a process ended that has closed its pipe."""
-        self._process.join(DYING_S)
-        said = Path(self._words.name).read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        code = self._end()
-        if code == NO_MAIN_GUARD:
-            guard = 'if __name__ == "__main__":'
-            reason = f"script: expected this call under {guard}, since every process imports the script"
-            raise Failed(reason) from None
-        how = f"ended with exit code {code}" if code >= 0 else f"killed by {signal.Signals(-code).name}"
-        reason = f"{how}: {said[-1][:SHOWN_WORDS]}" if said else how
-        return Ended(KILLED if -code in FROM_OUTSIDE else CRASHED, reason)
+    def close(self) -> None:
+        """End the process, if there is one, and let go of its files."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.communicate()
+            self._words.close()
+            self._process = None
 
 
 class Pool:
     """Up to ``jobs`` workers; a call goes to whichever is free. Leaving the block ends them all."""
 
     def __init__(self, jobs: int) -> None:
-        if current_process().name != "MainProcess" and parent_process() is None:  # one that is only beginning
-            sys.exit(NO_MAIN_GUARD)
-        with _starting():
-            resource_tracker.ensure_running()  # later it would lift a thread's block of SIGINT as it starts
+        self._threads, self._free = ThreadPoolExecutor(jobs), LifoQueue[Worker]()
         self._workers = [Worker() for _ in range(jobs)]
+        for worker in self._workers:
+            self._free.put(worker)
 
     def __enter__(self) -> "Pool":
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        for worker in self._workers:
+            worker.kill()
+        self._threads.shutdown()
         for worker in self._workers:
             worker.close()
 
     def run(self, call: Callable[..., T], *args: object, limit_s: float) -> T:
         """Return what one call returns (see ``Worker.run``)."""
-        return self._workers[0].run(call, *args, limit_s=limit_s)
+        worker = self._free.get()
+        try:
+            return worker.run(call, *args, limit_s=limit_s)
+        finally:
+            self._free.put(worker)
 
     def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
         """Yield every item, which has a ``limit_s``, and what its call gave, as it ends.
@@ -177,98 +181,47 @@ class Pool:
         Raises:
             Exception: what a call raised other than ``Ended``.
         """
-        waiting, done = deque(items), SimpleQueue[tuple[Any, Any]]()
-        count = len(waiting)
-
-        def work(worker: Worker) -> None:
-            with suppress(IndexError):  # none is left
-                while True:
-                    item = waiting.popleft()
-                    try:
-                        result: Any = worker.run(call, item, limit_s=item.limit_s)
-                    except BaseException as error:
-                        result = error
-                    done.put((item, result))
-
-        for worker in self._workers[:count]:
-            Thread(target=work, args=(worker,), daemon=True).start()
+        submit = self._threads.submit
+        futures = {submit(self.run, call, item, limit_s=item.limit_s): item for item in items}
         try:
-            for _ in range(count):
-                item, result = done.get()
-                if isinstance(result, BaseException) and not isinstance(result, Ended):
-                    raise result
-                yield item, result
+            for future in as_completed([*futures]):
+                error = future.exception()
+                if error is not None and not isinstance(error, Ended):
+                    raise error
+                yield futures.pop(future), error or future.result()
         finally:
-            waiting.clear()
+            for future in futures:
+                future.cancel()
 
 
-@contextmanager
-def _starting() -> Iterator[None]:
-    """Start a process in the block that Ctrl-C does not reach, and without the current folder in its path.
-
-    A file of the user's there, ``array.py``, would take the place of Python's own module. What this process
-    has in its path it has too, once it has begun.
-    """
-    with _CHILDREN:
-        before = os.environ.get(SAFE_PATH)
-        os.environ[SAFE_PATH] = "1"
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if os.name == "posix" else ()
-        try:
-            yield
-        finally:
-            if os.name == "posix":
-                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-            os.environ.pop(SAFE_PATH)
-            if before is not None:
-                os.environ[SAFE_PATH] = before
-
-
-def _serve(calls: Connection, words: str) -> None:
-    """Answer calls with ``(value, None)`` or ``(None, error)`` until the parent closes the connection.
+def serve(parent: int) -> None:
+    """Answer calls with ``(value, None)`` or ``(None, error)`` until the parent is no more.
 
     What they print is dropped; of what they say on stderr the last line is told where the process dies.
     """
-    _end_with_parent()
-    # File descriptors, not sys.stdout: native code prints too.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    os.dup2(os.open(words, os.O_WRONLY | os.O_APPEND), 2)
-    while True:
-        try:
-            message = calls.recv_bytes()
-        except EOFError:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform == "linux":  # even while native code hangs with the interpreter's lock; else after a call
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
             return
+    # File descriptors, not sys.stdout: native code prints too.
+    calls, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_RDWR), 0)
+    os.dup2(0, 1)
+    while True:
         os.ftruncate(2, 0)
         try:
-            call, args = pickle.loads(message)
-            calls.send_bytes(b"")
-            answer = pickle.dumps((call(*args), None))
-        except Exception as error:
-            answer = _pickled(error)
-        calls.send_bytes(answer)
-
-
-def _pickled(error: Exception) -> bytes:
-    """Return an exception as bytes, one that cannot be so by its name and message."""
-    try:
-        content = pickle.dumps((None, error))
-        pickle.loads(content)
-    except Exception:
-        content = pickle.dumps((None, Failed(f"{type(error).__name__}: {error}")))
-    return content
-
-
-def _end_with_parent() -> None:
-    """End this process as soon as its parent is no more, even if that was killed."""
-    parent = parent_process()
-    if sys.platform == "linux" and parent is not None:
-        # The kernel ends us when the parent's end of this pipe closes; a thread could not do so while
-        # native code holds the interpreter's lock, for ever if it hangs.
-        import fcntl
-
-        signal.signal(signal.SIGIO, signal.SIG_DFL)
-        fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, os.getpid())
-        fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, os.O_ASYNC)
-        if wait([parent.sentinel], timeout=0):
-            os._exit(1)
-    elif parent is not None:
-        Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True).start()
+            call, args = pickle.load(calls)
+        except EOFError:
+            return
+        pickle.dump("it begins", answers)
+        answers.flush()
+        answer: tuple[Any, Exception | None]
+        try:
+            answer = call(*args), None
+        except (BadInput, Failed, SimulationFailed, UnsupportedScene) as error:
+            answer = None, error
+        except Exception as error:  # which may be none that can be sent
+            answer = None, Failed(bug(error))
+        pickle.dump(answer, answers)
+        answers.flush()

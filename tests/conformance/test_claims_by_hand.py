@@ -8,15 +8,8 @@ import numpy as np
 import pytest
 
 from engine_models.engine import Engine, Impacts, RunSettings, Trajectory
-from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from studies.conform import (
-    CLAIMS,
-    Finding,
-    Trial,
-    impacts_are_as_strong_as_they_should_be,
-    observed_is_where_it_should_be,
-)
+from studies.conform import CLAIMS, trial_of, tried
 from tests.helpers.altered import Altered
 
 Change = Callable[[Trajectory], Trajectory]
@@ -59,6 +52,7 @@ def moved(sample: int, body: int, axis: int, by: float) -> Change:
 
 
 CLOSED = "Ideal joints and the guide stay closed"
+PLACE = "What the scene observes is where the true solution of the engine's own law has it"
 
 
 @pytest.mark.parametrize(
@@ -69,7 +63,7 @@ CLOSED = "Ideal joints and the guide stay closed"
         (stronger, {"Forces are those that the accelerations need"}),
         (
             moved(-1, -1, 0, 1e-4),
-            {CLOSED, "What the scene observes is where the true solution of the engine's own law has it"},
+            {CLOSED, PLACE},
         ),
         (restless, {"A second run is the same to the last bit"}),
         (moved(0, 0, 2, 1e-3), {"The run begins in the scene's own state", CLOSED}),
@@ -77,7 +71,7 @@ CLOSED = "Ideal joints and the guide stay closed"
     ids=["nothing", "faster", "stronger", "elsewhere", "restless", "late"],
 )
 def test_a_claim_fails_of_what_it_is_about(change: Change, broken: set[str]) -> None:
-    trial = Trial(Altered(change), SCENES["ideal-free"]())
+    trial = trial_of(Altered(change), "ideal-free")
     assert {sentence for sentence, claim in CLAIMS.items() if not claim(trial).holds} == broken
 
 
@@ -107,7 +101,7 @@ def with_impacts(stronger: float = 1.0, missed: int = 0) -> Change:
     return change
 
 
-PLACE, STRENGTH = observed_is_where_it_should_be, impacts_are_as_strong_as_they_should_be
+STRENGTH = "Every impact is there, as strong as the converged solution of the engine's own law has it"
 
 
 @pytest.mark.parametrize(
@@ -122,8 +116,8 @@ PLACE, STRENGTH = observed_is_where_it_should_be, impacts_are_as_strong_as_they_
     ids=["its own law", "another law", "unaltered", "stronger", "missed"],
 )
 def test_contacts_are_held_to_the_law_that_an_engine_says_it_solves(
-    engine: Engine, claim: Callable[[Trial], Finding], measured: str
+    engine: Engine, claim: str, measured: str
 ) -> None:
-    found = claim(Trial(engine, SCENES["clearance-driven-0.5mm"]()))
+    found = tried(CLAIMS[claim], trial_of(engine, "clearance-driven-0.5mm"))
     assert found.holds == (not measured), found.measured
     assert measured in found.measured

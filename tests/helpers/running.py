@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from studies.case import Case, Row, provenance
+from studies.case import Case, Row
 from studies.runner import Workers, run_cases
 from studies.store import FILE, Store
 from tests.helpers.mischief import NAME
@@ -80,7 +80,6 @@ def run_in(
 ) -> list[Row]:
     """Run cases of one study into a folder, in this process or by workers, and return all rows there."""
     name = cases[0].study
-    with Store(folder) as store, store.held():
-        store.describe(name, provenance(False, cases))
-        run_cases({name: cases}, store, workers or Here(), retry)
+    run_cases({name: cases}, folder, workers or Here(), retry_failed=retry)
+    with Store(folder) as store:
         return store.results(name)[0]

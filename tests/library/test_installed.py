@@ -51,17 +51,8 @@ def test_the_installed_library_and_command_run_in_a_folder_of_the_users(site: Pa
     done = python(site, tmp_path, f"{RUN}\n{same}")
     assert (done.stderr, done.stdout.split()) == ("", [str(site / "crankslider/__init__.py"), "5", "True"])
     assert (site / "crankslider/py.typed").exists()
-    command = [
-        sys.executable,
-        "-P",
-        str(site / "bin" / "crankslider"),
-        "simulate",
-        "ideal-free",
-        "--end",
-        "0.01",
-    ]
-    if sys.version_info < (3, 11):
-        command.remove("-P")
+    script = str(site / "bin" / "crankslider")
+    command = [sys.executable, script, "simulate", "ideal-free", "--end", "0.01"]
     environment = {**os.environ, "PYTHONPATH": str(site)}
     run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr

@@ -69,7 +69,7 @@ def test_a_row_without_a_run_says_who_failed(
 
 
 def test_a_process_with_other_code_breaks_the_run() -> None:
-    call = Call(case())
+    call = Call("key", case())
     call.code = "0" * 16
     other = rf"a process has other code or libraries \({code_of('reference')}\) than the run \(0{{16}}\)"
     with pytest.raises(Failed, match=other):
