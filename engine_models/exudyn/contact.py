@@ -21,7 +21,8 @@ from engine_models.exudyn.motion import Motion, integral
 from engine_models.mechanics.energy import elastic_energy_J
 from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.states import pin_gap
-from engine_models.minimal.forces import ContactStates, Forces
+from engine_models.mechanics.trajectory import ContactStates
+from engine_models.minimal.forces import Forces
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contacts import damping_factor_of, minimum_impact_speed_of

@@ -9,8 +9,9 @@ from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, integral, link_rows, states
 from engine_models.exudyn.solver import silence, simulation_settings, solve
+from engine_models.mechanics.trajectory import Reactions
 from engine_models.minimal import equations as eq
-from engine_models.minimal.forces import Forces, Reactions
+from engine_models.minimal.forces import Forces
 from engine_models.scene.scene import Scene
 
 #: The end of a run is off by no more than this part of it.

@@ -50,14 +50,13 @@ class ScipyEngine(Engine):
         """Raise UnsupportedScene where a contact has a law that is not known here, or a wall to follow."""
         for name, room in scene.clearances.items():
             wall_of(room.data(), damping_of)
-            what = ""
-            if room.law == "rigid" and not room.restitution:
-                what = f"pin that follows a rigid wall, as without rebound (clearance.{name}.restitution = 0)"
-            elif room.law == "rigid" and room.friction is not None:
-                rubs = f"clearance.{name}.friction.coefficient = {room.friction.coefficient:g}"
-                what = f"friction on a rigid wall ({rubs})"
-            if what:
-                raise UnsupportedScene(f"scipy's model has no {what}")
+            if room.law != "rigid":
+                continue
+            at = f"rigid wall (clearance.{name}.law = 'rigid'"
+            if not room.restitution:
+                raise UnsupportedScene(f"scipy's model has no pin that follows a {at}, restitution = 0)")
+            if room.friction is not None:
+                raise UnsupportedScene(f"scipy's model has no friction on a {at})")
 
     def sharper(self) -> "ScipyEngine":
         """Return the engine with a tenth of its tolerances."""

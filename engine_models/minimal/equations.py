@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 #: How functions are compiled; of those that Python calls machine code is kept, with all that they call.
 jit = njit(error_model="numpy")
-#: Blocks of p: bodies (mass, inertia); joints; contacts; parts of loads; curves; their pieces; scalars; the
+#: Blocks of p: bodies (mass, mass, inertia); joints; contacts; parts of loads; curves; their pieces; scalars;
 #: coordinates, dependent ones first, and their units; contacts' phases; and what the last evaluation tells.
 BODIES, JOINTS, CONTACTS, PARTS, CURVES, PIECES, SCALARS, ORDER, PHASES, TOLD = range(10)
 #: Kinds of joints, by their rows: a pin two; across a line; equal angles; a driven angle; a driven way.
@@ -392,65 +392,53 @@ def rates(p: Array, t: float, y: Array, out: Array) -> None:
 
     The last two numbers told are the determinant of the dependent coordinates' rows, and the largest of T.
     """
-    bodies, told, scalars = block(p, BODIES), block(p, TOLD)[0], block(p, SCALARS)[0]
-    size, m = 3 * len(bodies), int(scalars[ROWS])
+    masses, told, scalars = block(p, BODIES).ravel(), block(p, TOLD)[0], block(p, SCALARS)[0]
+    size, m, order, unit = (
+        len(masses),
+        int(scalars[ROWS]),
+        block(p, ORDER)[0].astype(np.int64),
+        block(p, ORDER)[1],
+    )
     n, q, v, a, sums = size - m, y[:size], told[:size], told[size : 2 * size], out[2 * size :]
+    dependent, free = order[:m], order[m:]
     g, c, gamma, B, F = np.empty(m), np.empty(m), np.empty(m), np.empty((m, size)), np.empty(size)
-    order, unit = block(p, ORDER)[0].astype(np.int64), block(p, ORDER)[1]
     v[:] = 0.0
     fill_rows(p, t, q, v, g, B, c, gamma)
-    G, swaps, T, column = np.empty((m, m)), np.empty(m, np.int64), np.zeros((size, n)), np.empty(m)
-    for i in range(m):
-        for j in range(m):
-            G[i, j] = B[i, order[j]]
+    G, swaps, T, largest = B[:, dependent].copy(), np.empty(m, np.int64), np.zeros((size, n)), 0.0
     told[len(told) - 2] = factor(G, swaps)
-    largest = 0.0
-    for k in range(n):
-        for i in range(m):
-            column[i] = -B[i, order[m + k]]
-        solve(G, swaps, column)
-        T[order[m + k], k] = 1.0
-        v[order[m + k]] = y[size + order[m + k]]
-        for i in range(m):
-            T[order[i], k] = column[i]
-            largest = max(largest, abs(column[i]) * unit[order[m + k]] / unit[order[i]])
-    told[len(told) - 1] = largest
     solve(G, swaps, c)
-    for i in range(m):
-        r = order[i]
-        v[r] = c[i]
-        for k in range(n):
-            v[r] += T[r, k] * v[order[m + k]]
+    v[dependent] = c
+    for k in range(n):
+        z, column = free[k], B[:, free[k]].copy()
+        solve(G, swaps, column)
+        v[z], T[z, k] = y[size + z], 1.0
+        for i in range(m):
+            r = dependent[i]
+            T[r, k] = -column[i]
+            v[r] -= column[i] * v[z]
+            largest = max(largest, abs(column[i]) * unit[z] / unit[r])
+    told[len(told) - 1] = largest
     fill_rows(p, t, q, v, g, B, c, gamma)
     solve(G, swaps, gamma)
     a[:] = 0.0
-    for i in range(m):
-        a[order[i]] = gamma[i]
+    a[dependent] = gamma
     driver = forces(p, t, q, v, F, told[2 * size + m :], sums)
     for k in range(len(block(p, CONTACTS))):
         sums[OF_SUMS * k + 2] = 0.0  # what clipping loses has a kink where the contact ends, and is known
     M, x, swaps_z = np.zeros((n, n)), np.zeros(n), np.empty(n, np.int64)
     for r in range(size):
-        mass = bodies[r // 3, 1 if r % 3 == 2 else 0]
-        force = F[r] - mass * a[r]
         for i in range(n):
             if T[r, i] != 0.0:
-                x[i] += T[r, i] * force
-                for j in range(i + 1):
-                    M[i, j] += mass * T[r, i] * T[r, j]
-    for i in range(n):
-        for j in range(i):
-            M[j, i] = M[i, j]
+                x[i] += T[r, i] * (F[r] - masses[r] * a[r])
+                for j in range(n):
+                    M[i, j] += masses[r] * T[r, i] * T[r, j]
     factor(M, swaps_z)
     solve(M, swaps_z, x)
     for r in range(size):
         for i in range(n):
             a[r] += T[r, i] * x[i]
-        out[r], out[size + r] = v[r], a[r]
-    multipliers = told[2 * size : 2 * size + m]
-    for i in range(m):
-        r = order[i]
-        multipliers[i] = bodies[r // 3, 1 if r % 3 == 2 else 0] * a[r] - F[r]
+    out[: 2 * size], multipliers = told[: 2 * size], told[2 * size : 2 * size + m]
+    multipliers[:] = masses[dependent] * a[dependent] - F[dependent]
     solve_transposed(G, swaps, multipliers)
     if scalars[MOTION] >= 0.0:  # the driver's row is the last, and so is the sum of its work
         sums[driver] = multipliers[m - 1] * driven(p, t)[1]

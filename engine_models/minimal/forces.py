@@ -15,9 +15,7 @@ import numpy as np
 
 from engine_models.engine import Contact, FloatArray, UnsupportedScene
 from engine_models.mechanics.states import pin_gap, way
-from engine_models.mechanics.trajectory import ContactStates as ContactStates
-from engine_models.mechanics.trajectory import Reactions as Reactions
-from engine_models.mechanics.trajectory import reactions_of
+from engine_models.mechanics.trajectory import ContactStates, Reactions, reactions_of
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Numbers
 from engine_models.scene.plain_words import shown
@@ -140,7 +138,11 @@ class Forces(Numbers):
         acting = self.act(time_s, position, velocity, contacts)
         B, masses = self.look(0.0, flat(position))[0], self.masses.ravel()
         missing = flat(acceleration) - flat(acting.on_bodies) / masses
-        multipliers = solve_systems(B / masses @ B.swapaxes(1, 2), B @ missing[..., None])
+        matrix, right = B / masses @ B.swapaxes(1, 2), B @ missing[..., None]
+        try:
+            multipliers = np.linalg.solve(matrix, right)[..., 0]
+        except np.linalg.LinAlgError:  # the shortest where one is singular
+            multipliers = (np.linalg.pinv(matrix, ZERO, hermitian=True) @ right)[..., 0]
         return reactions_of(self.of, multipliers, contacts, acting.parts.get("driver"))
 
     def works_J(self, position: FloatArray, integrated: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -174,14 +176,4 @@ def _damping_of(law: str, e: float) -> float:
 
 def flat(states: FloatArray) -> FloatArray:
     """Return states (n, bodies, 3) as (n, 3b)."""
-    return np.ascontiguousarray(
-        states.reshape(len(states), np.prod(states.shape[1:], dtype=int)), dtype=np.float64
-    )
-
-
-def solve_systems(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the solutions (n, m) of n systems, the shortest where one is singular."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, right)[..., 0])
-    except np.linalg.LinAlgError:
-        return np.asarray((np.linalg.pinv(matrix, ZERO, hermitian=True) @ right)[..., 0])
+    return np.ascontiguousarray(states.reshape(len(states), 3 * states.shape[1]), dtype=np.float64)

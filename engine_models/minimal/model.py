@@ -149,7 +149,7 @@ class Numbers:
         told = self.first + eq.OF_CONTACT * len(contacts) + len(parts) + 2
         self.p = _packed(
             [
-                [[body.mass_kg, body.inertia_kg_m2] for body in of.bodies],
+                [[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in of.bodies],
                 joints,
                 contacts,
                 [row for _, row in parts],
@@ -163,8 +163,7 @@ class Numbers:
         )
         self.contacts, self.phases = self.block(eq.CONTACTS), self.block(eq.PHASES)
         self.order, self.told = self.block(eq.ORDER)[0], self.block(eq.TOLD)[0]
-        #: Mass, mass and inertia of every body, (bodies, 3).
-        self.masses = self.block(eq.BODIES)[:, [0, 0, 1]]
+        self.masses = self.block(eq.BODIES)  # mass, mass and inertia of every body, (bodies, 3)
 
     def block(self, number: int) -> FloatArray:
         """Return a block of ``p``, of which a change changes it."""

@@ -8,11 +8,11 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
-from typing import Any, NamedTuple, Protocol
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, LSODA, Radau
+import scipy.integrate
 from scipy.optimize import brentq
 
 from engine_models.engine import (
@@ -35,7 +35,6 @@ from engine_models.pace import Pace
 from engine_models.progress import tell
 from engine_models.scene.scene import Scene
 
-METHODS = {"DOP853": DOP853, "LSODA": LSODA, "Radau": Radau}
 #: Absolute tolerance of sums, which takes them out of the error control.
 UNCONTROLLED = 1e30
 #: Signals that have just been answered are zero to round-off: they count above this, in m or as a share.
@@ -54,9 +53,8 @@ PAUSE, OUTLASTING = 10_000, 300_000
 ASIDE = 1e-6
 #: Most corrections of a located event, and the part of the step that slopes are taken over.
 CORRECTIONS, DIFFERENCE = 3, 1e-3
-#: When which contact or table has which signal come to be positive; and what gives a step's interpolant.
+#: When which contact or table has which signal come to be positive.
 Event = tuple[float, int, int]
-Course = Callable[[], Callable[[float], FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -86,15 +84,70 @@ class Touch(NamedTuple):
     trace: list[tuple[float, float, float]]
 
 
-class Run:
+class Recording:
+    """Rows of states (q, v, sums) at times, of what ``equations.rates`` tells of them, and impacts."""
+
+    def __init__(self, scene: Scene, model: Numbers, times_s: FloatArray) -> None:
+        self.scene, self.model, self.times_s, self.steps = scene, model, times_s, 0
+        self.states, self.told = list[FloatArray](), list[FloatArray]()
+        self.impacts: list[list[list[float]]] = [[] for _ in model.phases]
+
+    def trajectory(self, took_s: float) -> Trajectory:
+        """Return what has been recorded."""
+        model, of, y, told = self.model, self.model.of, np.array(self.states), np.array(self.told)
+        n, size, count = len(y), model.size, len(of.loose)
+        position, contacts = y[:, :size].reshape(n, -1, 3), dict[str, Contact]()
+        behind = model.first + eq.OF_CONTACT * count
+        parts = dict(zip(model.parts, told[:, behind:-2].T, strict=True))
+        sums: dict[Any, FloatArray] = dict(zip(model.sums, y[:, 2 * size :].T, strict=True))
+        for k, pin in enumerate(of.loose):
+            wall, room = model.contacts[k], pin.clearance
+            assert room is not None
+            gap = pin_gap(pin, position, np.zeros_like(position)).gap_m
+            depth, power = np.hypot(*gap.T) - wall[eq.C], wall[eq.N] + 1
+            first, rubs = model.first + eq.OF_CONTACT * k, room.friction is not None
+            contacts[pin.name] = Contact(
+                gap_m=gap,
+                penetration_m=depth,
+                normal_force_N=told[:, first + eq.NORMAL],
+                friction_force_N=told[:, first + eq.FRICTION] if rubs else None,
+                elastic_energy_J=wall[eq.K] * np.maximum(depth, 0.0) ** power / power,
+                normal_impulse_N_s=sums[pin.name, "normal_impulse_N_s"],
+                normal_loss_J=sums[pin.name, "normal_loss_J"],
+                friction_loss_J=sums[pin.name, "friction_loss_J"] if rubs else None,
+                clipped_loss_J=sums[pin.name, "clipped_loss_J"]
+                if wall[eq.A] > 0 and not room.may_pull
+                else None,
+                impacts=Impacts(*np.reshape(sorted(self.impacts[k]), (-1, 9)).T),
+            )
+        multipliers = told[:, 2 * size : 2 * size + model.rows]
+        short = "slider." if self.scene.is_short else ""
+        return Trajectory(
+            **vars(reactions_of(of, multipliers, contacts, parts.get("driver"))),
+            time_s=self.times_s,
+            position=position,
+            velocity=told[:, :size].reshape(n, -1, 3),
+            driver_work_J=sums.get("driver"),
+            step_s=float(self.times_s[-1]) / self.steps,
+            steps=self.steps,
+            solve_time_s=took_s,
+            contacts=contacts,
+            load_work_J={name.removeprefix(short): sums[name] for name in model.working},
+        )
+
+
+class Run(Recording):
     """One run: ``states`` and ``told`` have a row a time, ``impacts`` one for each contact that is over."""
 
+    model: Model
+
     def __init__(self, model: Model, times_s: FloatArray, choice: Choice) -> None:
-        self.scene, self.model, self.times_s, self.choice = model.scene, model, times_s, choice
+        super().__init__(model.scene, model, times_s)
         self.t: float = 0.0
         self.y: FloatArray = model.start.copy()
-        self.states, self.told, self.steps, self.evaluations = list[FloatArray](), list[FloatArray](), 0, 0
-        self.impacts: list[list[list[float]]] = [[] for _ in model.phases]
+        self.choice, self.evaluations = choice, 0
+        self._solver: Any = None
+        self._interpolant: Any = None
         self._touches = dict[int, Touch]()
         self._atol = np.full(len(self.y), UNCONTROLLED)
         self._atol[: np.size(choice.atol)] = choice.atol
@@ -125,9 +178,15 @@ class Run:
                 except (Warning, ValueError) as trouble:  # LSODA's, and Radau's of a Jacobian with NaN
                     raise self._failure(str(trouble)) from trouble
 
-    def _solver(self, t: float, y: FloatArray, end: float, **steps: float | None) -> DOP853:
-        tolerances = {"rtol": self.choice.rtol, "atol": self._atol}
-        return METHODS[self.choice.method](self.model, t, y, end, **tolerances, **steps)
+    def _solver_from(self, t: float, y: FloatArray, end: float, **steps: float | None) -> Any:
+        method, tolerances = self.choice.method, {"rtol": self.choice.rtol, "atol": self._atol}
+        return getattr(scipy.integrate, method)(self.model, t, y, end, **tolerances, **steps)
+
+    def _within(self, t: float) -> FloatArray:
+        """Return the state at a time within the last step, on the solver's interpolant."""
+        if self._interpolant is None:
+            self._interpolant = self._solver.dense_output()
+        return np.ascontiguousarray(self._interpolant(t))
 
     def _segment(self, stop: float) -> None:
         """Go on to a stop, or to what ends the segment before: an event, or a choice of coordinates."""
@@ -135,7 +194,7 @@ class Run:
         first = None if self._first_step_s is None else min(self._first_step_s, stop - self.t, limit)
         if not np.isfinite(model(self.t, self.y)).all():  # no first step would be short enough
             raise SimulationFailed(f"non-finite accelerations at t = {self.t:.6g} s")
-        solver = self._solver(self.t, self.y, stop, max_step=limit, first_step=first)
+        solver = self._solver = self._solver_from(self.t, self.y, stop, max_step=limit, first_step=first)
         self._limit_s = np.inf
         model(self.t, self.y)
         while solver.status == "running":
@@ -149,20 +208,20 @@ class Run:
                 self._pause = spent + PAUSE
             self.steps += 1
             model(solver.t, solver.y)
-            course = cache(solver.dense_output)
-            event = self._first_event(solver, course, t, before)
+            (now, steep), self._interpolant = model.told[-2:].tolist(), None
+            event = self._first_event(t, before)
             self.t, self.y = solver.t, solver.y.copy()
             if event is not None:
-                self.t, self.y = self._located(course, t, y, solver.t, event)
+                self.t, self.y = self._located(t, y, event)
             elif self.choice.sharp and solver.status == "finished":
                 self.y, self._largest = model.closed(self.t, self.y), 0.0
-            self._record(course, t)
+            self._record(t)
             if event is not None:
                 self._first_step_s = None
                 self._answer(event)
                 break
             self._first_step_s = solver.step_size
-            if self._must_choose(determinant, solver.step_size):
+            if self._must_choose(determinant, now, steep, solver.step_size):
                 break
         else:
             self._first_step_s = max(solver.step_size, self._first_step_s or 0.0)
@@ -177,12 +236,13 @@ class Run:
             return SimulationFailed(f"{self.choice.max_evaluations} {reached}: {advice}")
         return EngineFailed(f"{self.choice.method} stopped at t = {self.t:.6g} s: {message.rstrip('.')}")
 
-    def _must_choose(self, before: float, step_s: float) -> bool:
+    def _must_choose(self, before: float, now: float, steep: float, step_s: float) -> bool:
         """Return whether the solver is to begin anew: with other coordinates, or with a shorter step.
 
-        No step is longer than half the way to where rows would be singular, so that none passes that.
+        The determinants, ``before`` the last step and ``now``, are those of one choice of coordinates. No
+        step is longer than half the way to where rows would be singular, so that none passes that.
         """
-        model, now, steep = self.model, float(self.model.told[-2]), float(self.model.told[-1])
+        model = self.model
         self._largest = max(self._largest, abs(before))
         fallen = abs(now) < FALLEN * self._largest
         if not now / before > 0 or (fallen and model.condition(self.t, self.y) < SINGULAR):
@@ -215,13 +275,13 @@ class Run:
         signs = wall[eq.A] > 0.0 if wall[eq.PULLS] == 0.0 else wall[eq.MU] > 0.0 and wall[eq.DRAGS] == 0.0
         return (TOUCH, SIGN) if signs and phase in (PUSHED, CLIPPED) else (TOUCH,)
 
-    def _first_event(self, solver: DOP853, course: Course, t: float, before: FloatArray) -> Event | None:
-        """Return the first event in the last step, on the interpolant."""
-        now, y, events = self.model.contacts_told.copy(), solver.y, list[Event]()
+    def _first_event(self, t: float, before: FloatArray) -> Event | None:
+        """Return the first event in the step since t, on the interpolant."""
+        now, y, events = self.model.contacts_told.copy(), self._solver.y, list[Event]()
         watched = [(k, kind) for k in range(len(now)) for kind in self._kinds(k)]
         watched += [(number, kind) for number in range(len(self._kinks)) for kind in (ON, BACK)]
         for number, kind in watched:
-            at, end = partial(self._signal_at, course, number), solver.t
+            at, end = partial(self._signal_at, number), self._solver.t
             past = self._signal(now, y, number, kind) > 0.0
             turned = kind == TOUCH and self._signal(before, y, number, TURN) >= 0.0
             if not past and turned and self._signal(now, y, number, TURN) < 0.0:
@@ -232,27 +292,25 @@ class Run:
                 events.append((_zero(partial(at, kind), t, end), number, kind))
         return min(events, default=None)
 
-    def _signal_at(self, course: Course, number: int, kind: int, t: float) -> float:
+    def _signal_at(self, number: int, kind: int, t: float) -> float:
         """Return a signal at a time within the last step."""
-        y = np.ascontiguousarray(course()(t))
+        y = self._within(t)
         self.model(t, y)
         return self._signal(self.model.contacts_told, y, number, kind)
 
-    def _located(
-        self, course: Course, t: float, y: FloatArray, end: float, event: Event
-    ) -> tuple[float, FloatArray]:
+    def _located(self, t: float, y: FloatArray, event: Event) -> tuple[float, FloatArray]:
         """Return time and state of an event; a sharp run takes steps to it until its signal is zero."""
         at, number, kind = event
         if not self.choice.sharp or at <= t:
-            return at, np.ascontiguousarray(course()(at))
-        aside, signal = max(t, at - DIFFERENCE * (at - t)), partial(self._signal_at, course, number, kind)
+            return at, self._within(at)
+        aside, signal = max(t, at - DIFFERENCE * (at - t)), partial(self._signal_at, number, kind)
         slope = (signal(at) - signal(aside)) / (at - aside)
         state = self._step_to(t, y, at)
         for _ in range(CORRECTIONS):
             self.model(at, state)
             off = self._signal(self.model.contacts_told, state, number, kind)
             earlier = at - off / slope if slope > 0.0 else at
-            if not t < earlier <= end or abs(earlier - at) <= np.spacing(at):
+            if not t < earlier <= self._solver.t or abs(earlier - at) <= np.spacing(at):
                 break
             at = earlier
             state = self._step_to(t, y, at)
@@ -260,7 +318,7 @@ class Run:
 
     def _step_to(self, t: float, y: FloatArray, end: float) -> FloatArray:
         """Return the state at a time within the last step, by the method itself."""
-        solver = self._solver(t, y, end, first_step=end - t)
+        solver = self._solver_from(t, y, end, first_step=end - t)
         while solver.status == "running":
             message = solver.step()
             if solver.status == "failed":
@@ -268,15 +326,15 @@ class Run:
         self.evaluations += solver.nfev
         return np.asarray(solver.y)
 
-    def _record(self, course: Course, begin: float) -> None:
+    def _record(self, begin: float) -> None:
         """Record the samples between the begin of the last step and the time reached, and trace contacts."""
         due = self.times_s[len(self.states) :]
         for t in due[due <= self.t].tolist():
-            self._sample(self.y if t == self.t else np.ascontiguousarray(course()(t)))
+            self._sample(self.y if t == self.t else self._within(t))
         if not self._touches or self.choice.sharp or self.choice.bare:
             return
         for t in along_steps(np.zeros(0), begin, self.t).tolist():
-            self.model(t, np.ascontiguousarray(course()(t)))
+            self.model(t, self._within(t))
             for k, touch in self._touches.items():
                 if not touch.trace or t > touch.trace[-1][0]:
                     touch.trace.append((t, float(self.model.contacts_told[k, eq.NORMAL]), self._depth(k)))
@@ -372,63 +430,6 @@ def solve(scene: Scene, settings: RunSettings, choice: Callable[[Model], Choice]
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("error")
         run.run()
-    trajectory = trajectory_of(run, time.perf_counter() - began)
+    trajectory = run.trajectory(time.perf_counter() - began)
     trajectory.position[..., 2] += model.turns_rad
     return trajectory
-
-
-class Recorded(Protocol):
-    """Rows of states (q, v, sums) and of what ``equations.rates`` tells of them, and impacts."""
-
-    scene: Scene
-    times_s: FloatArray
-    states: list[FloatArray]
-    told: list[FloatArray]
-    steps: int
-    impacts: list[list[list[float]]]
-
-    @property
-    def model(self) -> Numbers:
-        """The mechanism's numbers."""
-
-
-def trajectory_of(run: Recorded, took_s: float) -> Trajectory:
-    """Return what a run has recorded."""
-    model, of, y, told = run.model, run.model.of, np.array(run.states), np.array(run.told)
-    n, size, count = len(y), model.size, len(of.loose)
-    position, contacts = y[:, :size].reshape(n, -1, 3), dict[str, Contact]()
-    behind = model.first + eq.OF_CONTACT * count
-    parts = dict(zip(model.parts, told[:, behind:-2].T, strict=True))
-    sums: dict[Any, FloatArray] = dict(zip(model.sums, y[:, 2 * size :].T, strict=True))
-    for k, pin in enumerate(of.loose):
-        wall, room = model.contacts[k], pin.clearance
-        assert room is not None
-        gap = pin_gap(pin, position, np.zeros_like(position)).gap_m
-        depth, power = np.hypot(*gap.T) - wall[eq.C], wall[eq.N] + 1
-        first, rubs = model.first + eq.OF_CONTACT * k, room.friction is not None
-        contacts[pin.name] = Contact(
-            gap_m=gap,
-            penetration_m=depth,
-            normal_force_N=told[:, first + eq.NORMAL],
-            friction_force_N=told[:, first + eq.FRICTION] if rubs else None,
-            elastic_energy_J=wall[eq.K] * np.maximum(depth, 0.0) ** power / power,
-            normal_impulse_N_s=sums[pin.name, "normal_impulse_N_s"],
-            normal_loss_J=sums[pin.name, "normal_loss_J"],
-            friction_loss_J=sums[pin.name, "friction_loss_J"] if rubs else None,
-            clipped_loss_J=sums[pin.name, "clipped_loss_J"] if wall[eq.A] > 0 and not room.may_pull else None,
-            impacts=Impacts(*np.reshape(sorted(run.impacts[k]), (-1, 9)).T),
-        )
-    multipliers = told[:, 2 * size : 2 * size + model.rows]
-    short = "slider." if run.scene.is_short else ""
-    return Trajectory(
-        **vars(reactions_of(of, multipliers, contacts, parts.get("driver"))),
-        time_s=run.times_s,
-        position=position,
-        velocity=told[:, :size].reshape(n, -1, 3),
-        driver_work_J=sums.get("driver"),
-        step_s=float(run.times_s[-1]) / run.steps,
-        steps=run.steps,
-        solve_time_s=took_s,
-        contacts=contacts,
-        load_work_J={name.removeprefix(short): sums[name] for name in model.working},
-    )

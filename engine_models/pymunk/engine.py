@@ -23,7 +23,6 @@ from engine_models.engine import (
 from engine_models.mechanics.start import checked_start, unwound
 from engine_models.memory import require_memory
 from engine_models.minimal.forces import require_family
-from engine_models.minimal.run import trajectory_of
 from engine_models.pace import require_followed
 from engine_models.pymunk import kicks
 from engine_models.pymunk.loop import Loop
@@ -134,7 +133,7 @@ class PymunkEngine(Engine):
             loop = self._loop(twin, settings)
             record = Record(twin, loop)
             loop.run(record.every_step, record.take)
-            return unwound(scene, require_finite(trajectory_of(record, loop.solve_time_s)))
+            return unwound(scene, require_finite(record.trajectory(loop.solve_time_s)))
 
     def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the same steps, of which works and forces need nothing.

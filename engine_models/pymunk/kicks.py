@@ -141,7 +141,7 @@ def account(
     accelerations then. In a flat position, where rows depend on each other, they are the shortest.
     """
     q, v, a = motion
-    contacts, phases, bodies = eq.block(p, eq.CONTACTS), eq.block(p, eq.PHASES), eq.block(p, eq.BODIES)
+    masses, phases = eq.block(p, eq.BODIES).ravel(), eq.block(p, eq.PHASES)
     size, m, laws, F = len(q), len(multipliers), phases.copy(), np.empty(len(q))
     for n in range(len(rows)):
         for k in range(3):
@@ -153,7 +153,7 @@ def account(
         v[3 * n], v[3 * n + 1] = v[3 * n] + spin * ay, v[3 * n + 1] - spin * ax
         a[3 * n] += gain * ay + spin * spin * ax
         a[3 * n + 1] += spin * spin * ay - gain * ax
-    for k in range(len(contacts)):
+    for k in range(len(phases)):
         normal, friction = told[eq.OF_CONTACT * k + eq.NORMAL], told[eq.OF_CONTACT * k + eq.FRICTION]
         if given == KNOWN and (phases[k, 0] == PUSHED or normal != 0.0):
             phases[k, 0], phases[k, 1], phases[k, 2] = GIVEN, normal, friction
@@ -166,7 +166,7 @@ def account(
     for i in range(m):
         right[i] = gamma[i] if given == CURVED or (given == STRAIGHT and driven and i == m - 1) else 0.0
         for r in range(size):
-            by_mass[i, r] = B[i, r] / bodies[r // 3, 1 if r % 3 == 2 else 0]
+            by_mass[i, r] = B[i, r] / masses[r]
             right[i] += (B[i, r] * a[r] if given == KNOWN else 0.0) - by_mass[i, r] * F[r]
         for j in range(i + 1):
             matrix[i, j] = 0.0
@@ -183,7 +183,7 @@ def account(
             break
     for r in range(size):
         if given != KNOWN:
-            a[r] = F[r] / bodies[r // 3, 1 if r % 3 == 2 else 0]
+            a[r] = F[r] / masses[r]
             for i in range(m):
                 a[r] += by_mass[i, r] * multipliers[i]
     if driven:

@@ -4,6 +4,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray
 from engine_models.minimal import equations as eq
+from engine_models.minimal.run import Recording
 from engine_models.pymunk import kicks
 from engine_models.pymunk.loop import Loop
 from engine_models.scene.scene import Scene
@@ -14,17 +15,15 @@ ODD_KICKS = 2
 Touch = tuple[float, float, FloatArray, list[tuple[float, float, float]]]
 
 
-class Record:
-    """What ``minimal.run.trajectory_of`` makes a trajectory of, from a run's start on.
+class Record(Recording):
+    """What is told of a run from its start on.
 
     A kick's forces act for its time, and half of its work is done at it, but for a native impact, which is
     all to come, or all over where velocities are those after a step.
     """
 
     def __init__(self, scene: Scene, loop: Loop) -> None:
-        self.scene, self.model, self.times_s = scene, loop.forces, loop.settings.times_s(scene)
-        self.states, self.told, self.steps = list[FloatArray](), list[FloatArray](), 0
-        self.impacts: list[list[list[float]]] = [[] for _ in loop.forces.phases]
+        super().__init__(scene, loop.forces, loop.settings.times_s(scene))
         self._at_steps = bool(loop.settings.at_s)
         self.every_step = bool(loop.forces.sums) or self._at_steps
         self._loop, self._round_off = loop, 1e-9 * scene.end_time_s / loop.settings.samples

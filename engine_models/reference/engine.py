@@ -18,7 +18,7 @@ from engine_models.engine import (
 )
 from engine_models.mechanics.start import unwound
 from engine_models.memory import require_memory
-from engine_models.pace import MOST_STEPS
+from engine_models.pace import MOST_STEPS, require_followed
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s, reference_run
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Baumgarte
@@ -27,7 +27,6 @@ from reference_solver.solver import (
     FEWEST_STEPS_PER_CONTACT,
     LOWEST_FLIGHT,
     ErrorControl,
-    Stabilisation,
     StepChoice,
 )
 
@@ -125,39 +124,39 @@ class ReferenceEngine(Engine):
         """
         self.check(scene)
         require_memory(scene, settings)
+        feedback = Baumgarte(self.baumgarte_alpha_s, self.baumgarte_beta_s)
+        stabilisation = feedback if self.stabilisation == "baumgarte" else self.stabilisation
         try:
             with np.errstate(all="ignore"):  # require_finite is the judge
-                return unwound(scene, require_finite(self._run(scene, settings)))
+                choice = self.step_choice(scene, settings)
+                run = reference_run(scene, settings, choice, stabilisation, self.max_steps)
+                return unwound(scene, require_finite(run))
         except SolverError as error:
             raise EngineFailed(str(error)) from error
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite
             raise EngineFailed(f"overflow with step {settings.step_s:.3g} s: shorten the step") from None
 
-    def _run(self, scene: Scene, settings: RunSettings) -> Trajectory:
-        choice = self.step_choice(scene, settings)
-        return reference_run(scene, settings, choice, self.stabiliser, self.max_steps)
-
-    @property
-    def stabiliser(self) -> Stabilisation:
-        """The stabilisation as the solver takes it."""
-        if self.stabilisation == "baumgarte":
-            return Baumgarte(self.baumgarte_alpha_s, self.baumgarte_beta_s)
-        return self.stabilisation
-
     def step_choice(self, scene: Scene, settings: RunSettings) -> StepChoice | ErrorControl:
         """Return how a run of a scene chooses its steps.
 
+        Samples as dense as the steps asked for do not shorten those whose events are located.
+
         Raises:
-            SingularConfiguration, SimulationFailed: as ``rate_s`` does.
+            SingularConfiguration, SimulationFailed: as ``rate_s`` does; steps are too long for the driver.
         """
         if self.method != "rk4":
             return ErrorControl(
                 self.step_tolerance, min(settings.step_s, scene.end_time_s), self.method, self.lowest_flight
             )
         step = settings.step_used_s(scene.end_time_s)
+        if scene.drive.kind == "fluctuating":
+            require_followed(scene, step)  # a ramp is cut into steps enough
         if not (scene.joints_with_clearance and self.locate_events):
             return StepChoice(step, locate_events=self.locate_events)
         per_contact = self.steps_per_contact * TURN_OF_STEP_RAD / (rate_s(scene) * step)
         most = max(MOST_STEPS_PER_CONTACT, self.steps_per_contact)
         per_contact = min(max(FEWEST_STEPS_PER_CONTACT, per_contact), most)
+        if settings.steps_per_sample(scene.end_time_s) == 1:
+            per_contact = max(FEWEST_STEPS_PER_CONTACT, per_contact * step / settings.step_s)
+            step = settings.step_s
         return StepChoice(step, per_contact, lowest_flight=self.lowest_flight)

@@ -10,10 +10,11 @@ from scipy.optimize import brentq
 
 from engine_models.engine import ImpossibleStart, RunSettings, Trajectory
 from engine_models.mechanics.start import checked_start
+from engine_models.mechanics.states import point_motion
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.assembly import Joints, Rank, dependence
-from reference_solver.mechanism.data import GROUND, Pin
+from reference_solver.mechanism.data import GROUND
 
 FloatArray = NDArray[np.float64]
 
@@ -138,31 +139,24 @@ def _transmission(scene: Scene, run: Trajectory, directions: list[FloatArray]) -
 
     It is 90 deg less the angle between the line of its pins and the motion of the pin that it drives.
     """
-    of, lines = scene.mechanism, []
+    of, velocity, lines = scene.mechanism, np.reshape(directions, run.position.shape), []
     for body, data in enumerate(of.bodies):
         own = [pin for pin in of.pins if body in (pin.body_i, pin.body_j)]
         guided = any(body in (guide.body_i, guide.body_j) for guide in of.guides)
         driving = [pin for pin in own if scene.turning_body in (pin.body_i, pin.body_j)]
         if guided or len(own) != 2 or len(driving) != 1 or body == scene.turning_body:
             continue
-        first, last = driving[0], own[1 - own.index(driving[0])]
-        least_deg, least_s = 90.0, 0.0
-        for time_s, position, w in zip(run.time_s, run.position, directions, strict=True):
-            arms = [_arm(position, pin, body) for pin in (first, last)]
-            line = arms[1] - arms[0]
-            x, y, spin = w[3 * body : 3 * body + 3]
-            motion = np.array([x - spin * arms[1][1], y + spin * arms[1][0]])
-            size = float(np.hypot(*motion) * np.hypot(*line))
-            if np.hypot(*motion) > AT_REST * np.abs(w).max():
-                angle_deg = float(np.degrees(np.arcsin(min(1.0, abs(line @ motion) / size))))
-                if angle_deg < least_deg:
-                    least_deg, least_s = angle_deg, time_s
-        lines.append(f"least transmission angle of {data.name}: {least_deg:.3g} deg at t = {least_s:.6g} s")
+        points = {pin: pin.point_i if pin.body_i == body else pin.point_j for pin in own}
+        driven = points.pop(driving[0])
+        first, last = (point_motion(body, at, run.position, velocity) for at in (driven, *points.values()))
+        line, motion = last.place_m - first.place_m, last.rate_m_s
+        speed, along = np.hypot(*motion.T), np.abs(np.sum(line * motion, axis=1))
+        moves = speed > AT_REST * np.abs(velocity).max(axis=(1, 2))
+        sine = np.divide(along, speed * np.hypot(*line.T), out=np.ones(len(speed)), where=moves)
+        angle_deg = np.degrees(np.arcsin(np.minimum(1.0, sine)))
+        least = int(np.argmin(angle_deg))
+        lines.append(
+            f"least transmission angle of {data.name}: {angle_deg[least]:.3g} deg "
+            f"at t = {run.time_s[least]:.6g} s"
+        )
     return lines
-
-
-def _arm(position: FloatArray, pin: Pin, body: int) -> FloatArray:
-    """Return where a pin is from the centre of mass of a body (2,) in the global frame."""
-    x, y = pin.point_i if pin.body_i == body else pin.point_j
-    c, s = np.cos(position[body, 2]), np.sin(position[body, 2])
-    return np.array([c * x - s * y, s * x + c * y])

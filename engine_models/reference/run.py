@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.start import checked_start
-from engine_models.pace import MOST_STEPS, Pace, require_followed, too_slow
+from engine_models.pace import MOST_STEPS, Pace, too_slow
 from engine_models.progress import tell
 from engine_models.reference.solution import mechanism_of, trajectory_of_solution
 from engine_models.scene.scene import Scene
@@ -44,13 +44,12 @@ def reference_run(
     settings: RunSettings,
     choice: StepChoice | ErrorControl,
     stabilisation: Stabilisation,
-    most_steps: float = MOST_STEPS,
+    most_steps: float,
 ) -> Trajectory:
     """Run a scene, in no more steps than ``most_steps`` by the pace that it comes to.
 
     The joints' forces on rigid walls are those of following, without impulses. The solve time is that of the
-    compiled loops; kernels are made outside it. Samples denser than the steps asked for do not shorten those
-    whose events are located: they are interpolated (see ``solver.solve``).
+    compiled loops; kernels are made outside it.
 
     Raises:
         SolverError: as the solver does.
@@ -59,7 +58,6 @@ def reference_run(
     q, v = (part.ravel() for part in checked_start(scene))
     mechanism = mechanism_of(scene)
     check_start(mechanism, q, v)
-    choice = taken(choice, scene, settings)
     solver = Solver(mechanism, q, choice, stabilisation)
     try:
         watch, times_s = _watch(scene, solver, most_steps), settings.times_s(scene)
@@ -71,24 +69,6 @@ def reference_run(
         raise too_slow(stiff.needed_s) from stiff
     stabilised = stabilisation != "none"
     return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
-
-
-def taken(
-    choice: StepChoice | ErrorControl, scene: Scene, settings: RunSettings
-) -> StepChoice | ErrorControl:
-    """Return the choice of steps that a run really takes.
-
-    Raises:
-        SimulationFailed: the steps are too long to follow the driver.
-    """
-    if isinstance(choice, ErrorControl):
-        return choice
-    if scene.drive.kind == "fluctuating":
-        require_followed(scene, choice.longest_s)  # a ramp is cut into steps enough
-    coarse = settings.steps_per_sample(scene.end_time_s) == 1
-    if scene.joints_with_clearance and choice.locate_events and coarse:
-        return choice.at(settings.step_s)
-    return choice
 
 
 def _watch(scene: Scene, solver: Solver, most_steps: float) -> Callable[[float], None]:

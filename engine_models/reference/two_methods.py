@@ -62,8 +62,8 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
     """
     part = tolerance_m / lever_m(scene)
     sharp = min(LOOSEST, max(SHARPEST, FIRST_PART * part))
-    # No tolerance is so small that the first step is to be below round-off.
-    step, best = _usual_step_s(scene) * (max(part, SHARPEST) / USUAL_ERROR) ** 0.25, np.inf
+    # The usual turn in a step, but for no tolerance so small that the first step is below round-off.
+    step, best = TURN_OF_STEP_RAD / rate_s(scene) * (max(part, SHARPEST) / USUAL_ERROR) ** 0.25, np.inf
     dop853 = cache(partial(_by_control, "dop853", scene, samples))
     failure = SimulationFailed("no two methods came to the end")
     for attempt in range(MOST_ATTEMPTS):
@@ -100,11 +100,6 @@ def _parted(found: Solution, tolerance_m: float) -> SimulationFailed:
         f"two methods part at t = {when:.6g} s, and are {found.apart_m[-1]:.3g} m apart at the end: what "
         "comes then depends on round-off, or on steps too short to take; end the run before, or ask for less"
     )
-
-
-def _usual_step_s(scene: Scene) -> float:
-    """Return a step of RK4 in which the mechanism turns by as much as steps per contact are given for."""
-    return TURN_OF_STEP_RAD / rate_s(scene)
 
 
 def _by_rk4(scene: Scene, samples: int, step_s: float) -> Trajectory:

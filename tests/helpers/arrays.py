@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.minimal.forces import Reactions
+from engine_models.mechanics.trajectory import Reactions
 
 
 def arrays(record: Any) -> dict[str, bytes]:

@@ -11,7 +11,7 @@ from engine_models.scene.format import SceneError
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.columns import sample_columns
-from studies.judges.converged_truth import REFERENCE, TRUE, truth_by
+from studies.judges.converged_truth import CONFIRMING, REFERENCE, TRUE, truth_by
 from studies.judges.run_cache import Solver
 from tests.engines.mechanism_texts import FOUR_BAR, four_bars, scene
 from tests.helpers.starts import started_from
@@ -22,6 +22,32 @@ def test_no_step_passes_a_singular_position(count: int) -> None:
     """All loops of a row are singular at once, where the sign of their determinant need not change."""
     with pytest.raises(SimulationFailed, match=r"at t = 0\.7[01].* s: its loops are singular"):
         TRUE.simulate(scene(four_bars(count, 0.8)), RunSettings(1.0, 1))
+
+
+#: Three bars from a bearing with clearance; at the end other coordinates depend on the rest than before.
+CHAIN = """
+name = "chain"
+end_time_s = 0.004
+gravity_m_s2 = 9.81
+observe = "B.y"
+ground.pins_m = { O = 0.0 }
+clearance.O = { radial_clearance_m = 2e-4, bearing_radius_m = 0.015, law = "linear", stiffness = 1e8 }
+[body]
+first = { pins_m = { O = 0.0, A = 0.2 }, mass_kg = 1.0, inertia_kg_m2 = 0.02, centre_of_mass_m = 0.1 }
+second = { pins_m = { A = 0.0, B = 0.4 }, mass_kg = 1.0, inertia_kg_m2 = 0.02, centre_of_mass_m = 0.2 }
+third = { pins_m = { B = 0.0 }, mass_kg = 1.0, inertia_kg_m2 = 0.02, centre_of_mass_m = 0.1 }
+[start]
+angle_rad = { first = -0.9, second = 1.1, third = 0.7 }
+hold = ["first", "second", "third"]
+speed_rad_s = { first = 6.0, second = 6.0, third = 6.0 }
+"""
+
+
+@pytest.mark.parametrize("third_rad", [0.55, 1.45, 1.6, 2.65, 4.0])
+def test_a_new_choice_of_coordinates_is_no_singular_position(third_rad: float) -> None:
+    of = scene(CHAIN, start__angle_rad__third=third_rad)
+    run, other = (solver.simulate(of, RunSettings(of.end_time_s, 1)) for solver in (TRUE, CONFIRMING))
+    assert np.abs(run.position - other.position).max() < 1e-12
 
 
 def told(off_m: float) -> Scene:

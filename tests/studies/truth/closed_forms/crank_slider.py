@@ -22,9 +22,7 @@ from engine_models.scene.scene import Scene
 
 TURN = 2 * np.pi
 #: Of SciPy's DOP853, and the fewest pieces that a run is cut into.
-RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE, PIECES = 1e-13, 1e-17, 400
-#: So near to a knot of the gas's table its force is as smooth as away from it, to round-off.
-AT_KNOT_RAD = 1e-9
+RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE, PIECES = 1e-13, 1e-17, 800
 #: S(x) of a ramp, its share of the change of speed at x = t/T.
 SMOOTH_STEP = Polynomial([0, 0, 0, 10, -15, 6])
 #: Which of the nine coordinates is the slider's position.
@@ -139,23 +137,6 @@ def load_parts(scene: Scene) -> dict[str, Force]:
     return parts
 
 
-def _gas_knots_rad(scene: Scene, theta: float) -> tuple[float, float]:
-    """Return the knots of the gas's table next below and above a crank angle, infinite without a gas.
-
-    A knot nearer than ``AT_KNOT_RAD`` is passed over: the angle stands on it.
-    """
-    load = scene.short.load.get("slider")
-    if load is None or load.gas is None:
-        return -np.inf, np.inf
-    first, *others = load.gas.crank_angle_rad
-    turn = np.array([0.0, *(knot - first for knot in others[:-1])])
-    knots = (
-        first + (np.floor((theta - first) / TURN) * TURN + np.arange(-1, 2)[:, None] * TURN + turn).ravel()
-    )
-    below, above = knots[knots < theta - AT_KNOT_RAD], knots[knots > theta + AT_KNOT_RAD]
-    return float(below.max()), float(above.min())
-
-
 #: What a drive prescribes at times (n,) since the run began: the angle turned since, speed, acceleration.
 Prescribed = Callable[[Any], tuple[Any, Any, Any]]
 
@@ -227,7 +208,8 @@ def _motion(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, FloatArray, F
         powers = [float(part(theta, x, rate)) * rate for part in parts]
         return powers if motor is None else [*powers, motor(speed) * speed]
 
-    def run(state: FloatArray, begin: float, length: float, events: Any) -> Any:
+    def piece(state: FloatArray, begin: float, length: float) -> FloatArray:
+        """Return the change of a state beyond that of uniform turning."""
         theta, speed = state[:2].tolist()
 
         def rates(elapsed: float, y: FloatArray) -> list[float]:
@@ -238,26 +220,7 @@ def _motion(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, FloatArray, F
             return [y[1], float(free(angle, now)), *along(angle, now)]
 
         zeros, to = [0.0] * (2 + sums), {"rtol": RELATIVE_TOLERANCE, "atol": ABSOLUTE_TOLERANCE}
-        return solve_ivp(rates, (0.0, length), zeros, "DOP853", events=events, **to)
-
-    def piece(state: FloatArray, begin: float, end: float) -> tuple[FloatArray, float]:
-        """Integrate up to a time, or that at which the crank comes to a knot of the gas's table."""
-        theta, speed = state[:2].tolist()
-        below, above = _gas_knots_rad(scene, theta)
-
-        def left(elapsed: float, y: FloatArray) -> float:
-            angle = theta + speed * elapsed + y[0]
-            if prescribed is not None:
-                angle = start.crank_angle_rad + float(prescribed(begin + elapsed)[0])
-            return float((angle - below) * (above - angle))
-
-        left.terminal = True  # type: ignore[attr-defined]
-        tried = run(state, begin, end - begin, left if np.isfinite(above) else None)
-        if tried.status == 1 and begin < begin + tried.t[-1] < end:
-            # Once more up to there: the state at an event is an interpolated one.
-            end = begin + float(tried.t[-1])
-            tried = run(state, begin, end - begin, None)
-        return tried.y[:, -1], end
+        return np.asarray(solve_ivp(rates, (0.0, length), zeros, "DOP853", **to).y[:, -1])
 
     state = np.array([start.crank_angle_rad, start.crank_speed_rad_s, *[0.0] * sums])
     states, lost = {0.0: state}, np.zeros(2 + sums)
@@ -265,16 +228,13 @@ def _motion(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, FloatArray, F
     fine = np.linspace(0.0, time_s[-1], -(-PIECES // (len(time_s) - 1)) * (len(time_s) - 1) + 1)
     cuts = np.unique(np.concatenate([fine, time_s, inside])) if sums or prescribed is None else time_s
     for begin, end in pairwise(cuts.tolist()):
-        now = begin
-        while now < end and (sums or prescribed is None):
-            if prescribed is not None:
-                turned, state[1], _ = prescribed(now)
-                state[0], lost[:2] = start.crank_angle_rad + float(turned), 0.0
-            deviation, then = piece(state, now, end)
-            uniform = np.array([0.0 if prescribed else state[1] * (then - now), *[0.0] * (1 + sums)])
-            change = deviation + uniform + lost
-            lost = change - ((state + change) - state)
-            state, now = state + change, then
+        if prescribed is not None:
+            turned, state[1], _ = prescribed(begin)
+            state[0], lost[:2] = start.crank_angle_rad + float(turned), 0.0
+        uniform = np.array([0.0 if prescribed else state[1] * (end - begin), *[0.0] * (1 + sums)])
+        change = piece(state, begin, end - begin) + uniform + lost
+        lost = change - ((state + change) - state)
+        state = state + change
         states[end] = state.copy()
     angle, speed, *works = np.array([states[t] for t in time_s.tolist()]).T
     if prescribed is not None:
