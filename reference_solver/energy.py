@@ -11,8 +11,8 @@ import numpy as np
 from reference_solver.equations import Equations
 from reference_solver.failures import DriftAmplified, EnergyNotConserved
 from reference_solver.mechanism.contacts import stored_J
-from reference_solver.mechanism.data import GROUND, Ends
-from reference_solver.mechanism.loads import Load, TurningDamper, distance_m, potential_J
+from reference_solver.mechanism.data import GROUND, Spring
+from reference_solver.mechanism.loads import Damping, Force, Load, Restoring, Torque, distance_m, potential_J
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.scales import Scales, rate_of
 from reference_solver.methods import RK4
@@ -26,6 +26,8 @@ MARGIN, ROUND_OFF, WITH_CONTACTS = 500.0, 1e-8, 0.1
 #: How far a violation of the constraints may move bodies near a singular position, as a part of the
 #: mechanism's length and of a radian; and how many samples are looked at.
 MOVED, LOOKED_AT = 0.03, 100
+#: What a refusal names: a spring this short, of its free length, and a position of this condition.
+NO_LENGTH, FLAT = 1e-2, 1e6
 
 
 def kinetic_J(mechanism: Mechanism, v: FloatArray) -> FloatArray:
@@ -33,38 +35,28 @@ def kinetic_J(mechanism: Mechanism, v: FloatArray) -> FloatArray:
     return np.asarray(v**2 @ mechanism.masses / 2)
 
 
-def potentials_J(run: Solution) -> FloatArray:
-    """Return the potential energies at a run's samples, of gravity, loads and contacts, each a row (s,)."""
-    mechanism, q = run.mechanism, run.q
-    masses = mechanism.masses[::3]
-    rows = [mechanism.gravity_m_s2 * (q[:, 1::3] @ masses), -mechanism.gravity_x_m_s2 * (q[:, ::3] @ masses)]
-    rows += [row for load in mechanism.loads if (row := potential_J(load, q)) is not None]
-    for k, joint in enumerate(mechanism.contacts):
-        if not joint.rigid:
-            law, depth = joint.law, distance_m(joint, q) - joint.radial_clearance_m
-            rows.append(run.closed[:, k] * stored_J(law.stiffness, law.exponent, depth))
-    return np.array(rows)
-
-
 def ledger_J(run: Solution) -> FloatArray:
     """Return the ledger of a run (r, s): kinetic and potential energies gained, works taken, and losses.
 
-    Its sum over the rows is zero, but for the run's error.
+    Its sum over the rows is zero, but for the run's error. It counts from the first sample on.
     """
     works = [value for name, value in run.sums.items() if name == "drivers" or name.startswith("load")]
-    stored = [kinetic_J(run.mechanism, run.v), *potentials_J(run)]
-    lines = [line - line[0] for line in stored] + [-work for work in works]
-    return np.array([*lines, run.losses_J(), run.stabilisation_loss_J])
+    mechanism, q = run.mechanism, run.q
+    kinetic, masses = kinetic_J(mechanism, run.v), mechanism.masses[::3]
+    falls = mechanism.gravity_m_s2 * (q[:, 1::3] @ masses), -mechanism.gravity_x_m_s2 * (q[:, ::3] @ masses)
+    stored = [potential for load in mechanism.loads if (potential := potential_J(load, q)) is not None]
+    for k, joint in enumerate(mechanism.contacts):
+        if not joint.rigid:
+            law, depth = joint.law, distance_m(joint, q) - joint.radial_clearance_m
+            stored.append(run.closed[:, k] * stored_J(law.stiffness, law.exponent, depth))
+    lost = run.losses_J(), run.sums["removed"]
+    lines = np.array([kinetic, *falls, *stored, *(-work for work in works), *lost])
+    return np.asarray(lines - lines[:, :1])
 
 
 def created_J(run: Solution) -> FloatArray:
     """Return the size of the ledger's sum (s,)."""
     return np.asarray(np.abs(ledger_J(run).sum(axis=0)))
-
-
-def in_play_J(run: Solution) -> float:
-    """Return the largest line of a run's ledger, or its largest kinetic energy."""
-    return float(max(np.abs(ledger_J(run)).max(), kinetic_J(run.mechanism, run.v).max()))
 
 
 @dataclass(frozen=True)
@@ -98,7 +90,7 @@ class Guard:
         Motions and loads with knots are at least cut into sixteen steps from one to the next.
         """
         turn = float(self._rates_s.max() * self.step_s)
-        if self.run.mechanism.has_knots:
+        if self.run.mechanism.knots_s():
             turn = max(turn, 1 / 16)
         return self.tolerance or turn**RK4.order
 
@@ -113,9 +105,24 @@ class Guard:
             part = np.maximum(part, WITH_CONTACTS)
         # To the round-off of the energy of mass, length and rate a mechanism is at rest.
         own_J = self.run.mechanism.masses[::3].sum() * (self.scales.length_m * self.scales.rate_s) ** 2
-        created, allowed = created_J(self.run), part * in_play_J(self.run) + ROUND_OFF * own_J
+        in_play_J = max(np.abs(ledger_J(self.run)).max(), kinetic_J(self.run.mechanism, self.run.v).max())
+        created, allowed = created_J(self.run), part * in_play_J + ROUND_OFF * own_J
         for k in np.flatnonzero(~(created <= allowed))[:1]:
-            raise EnergyNotConserved(float(self.run.time_s[k]), float(created[k]), float(allowed[k]))
+            numbers = {"time_s": self.run.time_s[k], "created_J": created[k], "allowed_J": allowed[k]}
+            raise EnergyNotConserved(**numbers, advice=self._advice())
+
+    def _advice(self) -> str:
+        """Return what may help a run that is off: springs without length, and flat positions, are named."""
+        helps = "end the run before" if self.tolerance else "end the run before, or take a --tolerance"
+        for spring in self.run.mechanism.loads:
+            if isinstance(spring, Spring) and spring.free_length_m:
+                length = distance_m(spring, self.run.q)
+                if length.min() < NO_LENGTH * spring.free_length_m:
+                    when = f"has next to no length near t = {self.run.time_s[length.argmin()]:.6g} s"
+                    return f"spring {spring.name} {when}, where its force turns about: {helps}"
+        if self.run.condition > FLAT:
+            return f"a step came close to a flat position (condition {self.run.condition:.1e}): {helps}"
+        return "sharpen the tolerance" if self.tolerance else "shorten the step, or take a --tolerance"
 
     def check_drift(self, equations: Equations, least: float) -> None:
         """Hold a run without projection to its constraints; ``least`` is its best condition at a sample.
@@ -129,9 +136,9 @@ class Guard:
         run, allowed = self.run, MOVED + np.minimum(self._error * (1.0 + self._turned) ** 2, 1.0)
         near = np.sqrt(run.condition / least) / self.scales.length_m
         for k in np.unique(np.linspace(0, len(run.q) - 1, LOOKED_AT).astype(int)):
-            moved = near * np.abs(equations.violation(float(run.time_s[k]), run.q[k])).max(initial=0.0)
+            moved = near * np.abs(equations.system(float(run.time_s[k]), run.q[k]).g).max(initial=0.0)
             if not moved <= allowed[k]:
-                raise DriftAmplified(float(run.time_s[k]), float(moved), run.condition)
+                raise DriftAmplified(time_s=run.time_s[k], moved=moved, condition=run.condition)
 
 
 def swing_s(load: Load, mechanism: Mechanism) -> float:
@@ -139,12 +146,17 @@ def swing_s(load: Load, mechanism: Mechanism) -> float:
 
     A line's lever is no longer than that of its point.
     """
-    if isinstance(load, TurningDamper):
-        return load.damping_N_m_s / mechanism.bodies[load.body].inertia_kg_m2
-    if not isinstance(load, Ends):
-        return 0.0
-    ends = [(load.body_i, load.point_i), (load.body_j, load.point_j)]
-    bodies = [(mechanism.bodies[body], point) for body, point in ends if body != GROUND]
-    mobility = sum(1 / body.mass_kg + (x * x + y * y) / body.inertia_kg_m2 for body, (x, y) in bodies)
-    stiffness, damping = getattr(load, "stiffness_N_m", 0.0), getattr(load, "damping_N_s_m", 0.0)
-    return float(max(np.sqrt(stiffness * mobility), damping * mobility))
+    if isinstance(load, Torque):
+        mobility = 1 / mechanism.bodies[load.body].inertia_kg_m2
+    else:
+        ends = [(load.body_i, load.point_i), (load.body_j, load.point_j)]
+        bodies = [(mechanism.bodies[body], point) for body, point in ends if body != GROUND]
+        mobility = sum(1 / body.mass_kg + (x * x + y * y) / body.inertia_kg_m2 for body, (x, y) in bodies)
+    match load:
+        case Spring(stiffness_N_m=stiffness, damping_N_s_m=damping):
+            return float(max(np.sqrt(stiffness * mobility), damping * mobility))
+        case Torque(law=Damping(damping)) | Force(law=Damping(damping)):
+            return float(damping * mobility)
+        case Force(law=Restoring(stiffness)):
+            return float(np.sqrt(stiffness * mobility))
+    return 0.0

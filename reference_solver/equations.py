@@ -11,42 +11,30 @@ The same text is both faces of the algorithm: of numbers it is the readable one,
 import math
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_solver import failures
 from reference_solver.factorisation import Factors
-from reference_solver.failures import (
-    FrictionTooStiff,
-    NonFiniteState,
-    PainleveParadox,
-    SingularConfiguration,
-    TooLight,
-)
-from reference_solver.mechanism.constraints import System, row_slices, system_of
-from reference_solver.mechanism.contacts import (
-    FLIGHT,
-    ClearanceJoint,
-    contact_force,
-    elastic_force,
-    rates_of,
-    sliding_row,
-)
+from reference_solver.mechanism.constraints import System, row_dependence, row_slices, system_of
+from reference_solver.mechanism.contacts import CONTACT, FLIGHT, contact_force, rates_of, separation
 from reference_solver.mechanism.data import GROUND, Spring
 from reference_solver.mechanism.loads import Forces, forces_of, integrated, power_of
 from reference_solver.mechanism.mechanism import Mechanism, light
-from reference_solver.mechanism.points import State, ends_of, speed_row
+from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method
-from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, smaller, sqrt
-from reference_solver.wall_friction import Rubbing, rubbed
+from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, smaller
+from reference_solver.wall_friction import rubbed
 
 #: Phase and memory of every contact, (K, 2); None where all are in flight.
 Phases = Array | None
 
 #: A pivot that is mere round-off, relative to its diagonal entry: the row depends on others.
 PIVOT_TOLERANCE_PER_ROW = 64 * float(np.finfo(float).eps)
-#: Share of a constraint in a dependence of rows, a square, from which on it takes part.
-INVOLVED = 1e-6
+#: Share of a constraint in a dependence of rows from which on it takes part.
+INVOLVED = 1e-3
 #: Constraints are closed, in m and rad; steps of Newton's method for it; how often a driven mechanism's limit
 #: is tried for, and to which part of the time it is told.
 CLOSED, NEWTON_STEPS, MOST_TRIALS, RESOLVED = 1e-9, 8, 500, 1e-9
@@ -88,11 +76,6 @@ class Answer:
         return self.condition < math.inf
 
 
-def spread_of(numbers: Array) -> Scalar:
-    """Return the largest of positive numbers over the least."""
-    return reduce(larger, numbers) / reduce(smaller, numbers)
-
-
 class Equations:
     """The paper's equations for one mechanism with n = 3 x bodies coordinates and m constraint rows.
 
@@ -116,15 +99,13 @@ class Equations:
         self.mass = mechanism.masses
         self.inverse_mass = 1.0 / self.mass
         #: Condition up to which constraints may seem to depend on each other by light bodies alone.
-        self._lightness = reduce(larger, (LIGHT * spread_of(self.mass[k::3]) for k in (0, 2)))
-        still = np.zeros(self.n)
+        spreads = (reduce(larger, of) / reduce(smaller, of) for of in (self.mass[::3], self.mass[2::3]))
+        self._lightness = LIGHT * reduce(larger, spreads)
         #: {C} (m,) at t = 0: what the constraint rows ask of [B]{q'}; not zero in drivers' rows alone.
-        self.C = self.system(0.0, still, still).C
+        self.C = self.system(0.0, np.zeros(self.n)).C
         rows = enumerate(joints, self.own_rows)
         #: The pins that follow with friction.
-        self.rubbing = [
-            Rubbing(row, k, joint, law) for row, (k, joint) in rows if (law := joint.friction) is not None
-        ]
+        self.rubbing = [(row, k, joint, law) for row, (k, joint) in rows if (law := joint.friction)]
 
     @property
     def own_rows(self) -> int:
@@ -138,41 +119,21 @@ class Equations:
         rates = (name for k, joint in contacts for name in rates_of(joint, k))
         return ["drivers", *rates, *(f"load{k}" for k, load in loads if integrated(load))]
 
-    def system(self, t: Scalar, q: Array, v: Array) -> System:
-        """Return the rows of (1), [B]{q'} = {C}, with what (4) needs and with {g}."""
-        return system_of(self._constraints, State(q, v, t), t, self.q_start)
+    def system(self, t: Scalar, q: Array, v: Array | None = None) -> System:
+        """Return the rows of (1), [B]{q'} = {C}, with what (4) needs and with {g}; at rest without v."""
+        state = State(q, np.zeros(self.n) if v is None else v, t)
+        return system_of(self._constraints, state, self.q_start)
 
-    def speeds(self, t: float) -> FloatArray:
-        """Return {C} (m,) at a time."""
-        still = np.zeros(self.n)
-        return np.asarray(self.system(t, still, still).C if self.mechanism.prescribed else self.C)
-
-    def constraint_matrix(self, q: FloatArray) -> FloatArray:
-        """Return [B] (m, n) of (1), [B]{q'} = {C}."""
-        return np.asarray(self.system(0.0, q, np.zeros(self.n)).B)
-
-    def centripetal(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return [B']{q'} (m,) of (4)."""
-        return np.asarray(self.system(0.0, q, v).B_dot_v)
-
-    def violation(self, t: float, q: FloatArray) -> FloatArray:
-        """Return {g} (m,): gaps in m, angles in rad, links' in m^2; its time derivative is [B]{q'} - {C}."""
-        return np.asarray(self.system(t, q, np.zeros(self.n)).g)
-
-    def applied_force(self, t: Scalar, q: Array, v: Array, phases: Phases = None) -> Array:
-        """Return {F(q, q', t)} (n,) of (2): gravity, loads, compliant contacts."""
-        return self.forces(t, q, v, phases)[0]
-
-    def _compliant(self, phases: Phases) -> list[tuple[int, ClearanceJoint, Scalar, Scalar]]:
+    def _compliant(self, phases: Phases) -> list[tuple[Any, ...]]:
         """Return number, joint, phase and memory of every compliant contact."""
         joints = self.mechanism.contacts
         phases = np.full((len(joints), 2), FLIGHT) if phases is None else phases
         return [(k, joint, *phases[k]) for k, joint in enumerate(joints) if not joint.rigid]
 
     def forces(
-        self, t: Scalar, q: Array, v: Array, phases: Phases
+        self, t: Scalar, q: Array, v: Array, phases: Phases = None
     ) -> tuple[Array, dict[str, Scalar], list[Scalar]]:
-        """Return {F} (n,), the contacts' rates by name, and their friction forces."""
+        """Return {F(q, q', t)} (n,) of (2): gravity, loads, compliant contacts; their rates, and friction."""
         state, rates = State(q, v, t), dict.fromkeys(self.power_names, 0.0)
         friction: list[Scalar] = [0.0] * len(self.mechanism.contacts)
         forces = [forces_of(load, state) for load in self.mechanism.loads]
@@ -193,8 +154,9 @@ class Equations:
         state = State(q, np.zeros(self.n))
         stored = (x for x in self.mechanism.loads if isinstance(x, Spring) or not integrated(x))
         forces = [forces_of(load, state) for load in stored]
-        contacts = self._compliant(phases)
-        return self._sum(forces + [elastic_force(joint, phase, state) for _, joint, phase, _ in contacts])
+        for _, joint, phase, _ in self._compliant(phases):
+            forces.append(contact_force(joint, smaller(phase, CONTACT), 0.0, state)[0])
+        return self._sum(forces)
 
     def _sum(self, forces: list[Forces]) -> Array:
         """Return gravity and the forces on all bodies, (n,)."""
@@ -226,11 +188,11 @@ class Equations:
         A, lambda_ = factors.solve(F, right)  # (4), then (7) to (10)
         ok, damper = factors.ok, 0.0
         if self.rubbing:
-            effect = rubbed(self.rubbing, State(q, v), factors, lambda_)
-            A, lambda_, ok = A + effect.change, effect.multipliers, both(ok, effect.ok)
-            damper = effect.damper_per_s
-            for pin, force, lost in zip(self.rubbing, effect.forces, effect.powers, strict=True):
-                friction[pin.contact], powers[f"slide{pin.contact}"] = force, lost
+            rubs = rubbed(self.rubbing, State(q, v), factors, lambda_)
+            change, lambda_, forces, speeds, damper, mobile = rubs
+            A, ok = A + change, both(ok, mobile)
+            for (_, k, *_), force, speed in zip(self.rubbing, forces, speeds, strict=True):
+                friction[k], powers[f"slide{k}"] = force, -(force * speed)
         for row, k in enumerate(self.following, self.own_rows):
             powers[f"normal{k}"] = -(self.mechanism.contacts[k].radial_clearance_m * lambda_[row])
         powers["drivers"] = lambda_ @ system.C
@@ -261,34 +223,18 @@ class Equations:
         They are along the normal, of sliding (0 without friction), and of the pin's centre along its wall. A
         row N of a speed has N x, with x the answer of (2) and (4) to a force N^T alone.
         """
-        still = np.zeros(self.n)
-        state, B = State(q, still), self.system(0.0, q, still).B
+        state, B = State(q, np.zeros(self.n)), self.system(0.0, q).B
         factors, mobilities = self.factors(B), list[Scalar]()
-
-        def mobility(row: Array) -> Scalar:
-            speeds, _ = factors.solve(row, np.zeros(len(B)))
-            return row @ speeds
-
         for joint in self.mechanism.contacts:
-            bearing, pin = ends_of(joint, state)
-            d = pin.place - bearing.place
-            distance = sqrt(d @ d)
-            n = array([d[0] / distance, d[1] / distance])
-            t = array([-n[1], n[0]])
-            mobilities.append(mobility(speed_row(n, bearing, pin, self.n)))
-            sliding = 0.0 if joint.friction is None else mobility(sliding_row(joint, n, bearing, pin, self.n))
-            mobilities += [sliding, mobility(speed_row(t, bearing, pin, self.n))]
+            at = separation(joint, state)
+            for row in (at.normal, None if joint.friction is None else at.tangent, at.across):
+                mobilities.append(0.0 if row is None else row @ factors.solve(row, np.zeros(len(B)))[0])
         return mobilities
 
     def accelerations(
         self, t: float, q: FloatArray, v: FloatArray, phases: Phases = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Return {q''} = {A} (n,) and the multipliers {lambda} (m,), equations (3)-(10).
-
-        Raises:
-            SingularConfiguration: [B] has not full row rank.
-            PainleveParadox: friction leaves a pin that follows its wall no mobility along its normal.
-        """
+        """Return {q''} = {A} (n,) and the multipliers {lambda} (m,), equations (3)-(10), as ``required``."""
         answer = self.required(t, q, v, phases)
         return answer.accelerations, answer.multipliers
 
@@ -304,11 +250,13 @@ class Equations:
         """
         answer = self.answer(t, q, v, phases)
         if not answer.ok and np.isfinite(q).all() and np.isfinite(v).all():
-            if not self.factors(self.constraint_matrix(q)).ok:
+            if not self.factors(self.system(0.0, q).B).ok:
                 self.refuse_singular(t, q)
-            raise PainleveParadox(t, tuple(pin.contact for pin in self.rubbing))
+            joints = failures.listed([str(k) for _, k, *_ in self.rubbing])
+            raise failures.PainleveParadox(time_s=t, joints=joints)
         if h * answer.damper_per_s > of.damper_limit:
-            raise FrictionTooStiff(t, h, float(answer.damper_per_s), of.damper_limit)
+            rate, needed_s = answer.damper_per_s, of.damper_limit / answer.damper_per_s
+            raise failures.FrictionTooStiff(time_s=t, step_s=h, rate=rate, needed_s=float(needed_s))
         return answer
 
     def refuse_singular(self, t: float, q: FloatArray) -> None:
@@ -318,19 +266,16 @@ class Equations:
             SingularConfiguration: with its rank; TooLight: it has, but for a light body.
             NonFiniteState: it has overflowed.
         """
-        scaled = self.constraint_matrix(q) * np.sqrt(self.inverse_mass)
-        size = np.linalg.norm(scaled, axis=1, keepdims=True)
-        if not np.isfinite(size).all():
-            raise NonFiniteState(t)
-        scaled = np.divide(scaled, size, out=np.zeros_like(scaled), where=size > 0)
-        left, values, _ = np.linalg.svd(scaled)
-        values = np.append(values, np.zeros(len(left) - len(values)))
-        tolerance = np.sqrt(len(scaled) * PIVOT_TOLERANCE_PER_ROW)
-        depend = left[:, values <= max(tolerance, values[-1])]
+        tolerance = np.sqrt(len(self.C) * PIVOT_TOLERANCE_PER_ROW)
+        if not np.isfinite(q).all():
+            raise failures.NonFiniteState(time_s=t)
         if (reason := light(self.mechanism.bodies)) is not None:
-            raise TooLight(reason)
-        names = self._names_of((depend**2).sum(axis=1) > INVOLVED)
-        raise SingularConfiguration(int((values > tolerance).sum()), len(scaled), t, names)
+            raise failures.TooLight(reason)
+        values, shares = row_dependence(self.system(0.0, q).B, self.inverse_mass, tolerance)
+        rank, names = int((values > tolerance).sum()), self._names_of(shares > INVOLVED)
+        raise failures.SingularConfiguration(
+            rank=rank, rows=len(self.C), time_s=t, joints=names, names=failures.listed(names)
+        )
 
     def limit_s(self, times_s: FloatArray, q: FloatArray, taken: int) -> float | None:
         """Return when a driven mechanism without freedom comes to where it cannot follow; None if it can.
@@ -341,22 +286,19 @@ class Equations:
         if len(self.C) != self.n or not self.mechanism.prescribed or taken == 0:
             return None
         last = taken - 1
-        while last > 0 and not np.abs(self.violation(times_s[last], q[last])).max() < CLOSED:
+        while last > 0 and not np.abs(self.system(times_s[last], q[last]).g).max() < CLOSED:
             last //= 2
         t, place, step = float(times_s[last]), q[last], float(times_s[1] - times_s[0])
         end = float(times_s[min(taken, len(times_s) - 1)])
         for _ in range(MOST_TRIALS):
-            if t >= end:
-                return None
-            if step < RESOLVED * end:
-                return t
-            change = np.linalg.lstsq(self.constraint_matrix(place), step * self.speeds(t), rcond=None)[0]
-            new, far = place + change, np.abs(change).max()
+            if t >= end or step < RESOLVED * end:
+                return None if t >= end else t
+            change = np.linalg.lstsq(self.system(0.0, place).B, step * self.system(t, place).C, rcond=None)[0]
+            new, far, move = place + change, np.abs(change).max(), np.inf
             for _ in range(NEWTON_STEPS):
-                move = self._project_q(t + step, new, None)[0] - new
-                new = new + move
-                if not np.abs(move).max() > CLOSED:
-                    break
+                if np.abs(move).max() > CLOSED:
+                    move = self._project_q(t + step, new, None)[0] - new
+                    new = new + move
             if np.abs(move).max() <= CLOSED and np.abs(new - place - change).max() <= far:
                 t, place, step = t + step, new, 1.5 * step
             else:
@@ -386,7 +328,7 @@ class Equations:
         nearly equal ones, but the work that the forces with a potential do along the move: exactly where they
         are constant, else but for terms quadratic in the move, which is itself of order h^5.
         """
-        system = self.system(t, q, np.zeros(self.n))
+        system = self.system(t, q)
         factors = self.factors(system.B)
         move, _ = factors.solve(np.zeros(self.n), system.g)
         removed = -(move @ self.stored_force(q, phases))

@@ -12,7 +12,6 @@ from reference_solver.mechanism.contacts import CLIPPED, CONTACT, FLIGHT
 from reference_solver.run import (
     AT,
     CLIP,
-    DENSE,
     DEPENDENT,
     END,
     FLIGHT_HEIGHT,
@@ -22,17 +21,11 @@ from reference_solver.run import (
     RELEASE,
     RESUME,
     SPARE,
-    SUPPORT,
     TOUCH,
-    WALL_FIELDS,
 )
 from reference_solver.steps import (
-    LANDING,
-    LANDING_CLEARANCE,
-    LANDINGS,
     ROUND_OFF,
     Step,
-    add,
     attempt,
     gap_of,
     inner,
@@ -47,8 +40,10 @@ from reference_solver.steps import (
 MOST_HALVED = 20
 #: Part of a step by which one that ends short of a change of the force's sign is made longer at first.
 PAST = 1e-10
-#: How far from its supposed place in a step, as a part of it, a contact's largest force is looked for.
-ASIDE_OF_PEAK = 0.1
+#: Parts of the tolerance and of the clearance within which a step ends on its event; the most trials for it.
+LANDING, LANDING_CLEARANCE, LANDINGS = 1e-2, 2e-6, 6
+#: The part of a step to which a contact's largest force is located.
+PEAK = 1e-6
 
 
 @inner
@@ -84,23 +79,6 @@ def passed(contact, gap, new_gap, kind):
     outwards = 1.0 if contact.phase == FLIGHT else -1.0
     begin, end = outwards * gap.g, outwards * new_gap.g
     return end > 0.0 and (outwards * new_gap.rate > 0.0 or begin <= 0.0 or end > begin)
-
-
-@inner
-def bulged(run, rows, contacts, h):
-    """Return whether a pin that moves inwards at both ends of a step of h may have been out in between.
-
-    That is where the cubic through both ends' g and rates comes near to rising, and has the wall in reach. A
-    pin that has just hit may be back, and off again, within a step: the shorter one sees it.
-    """
-    for k in range(len(contacts)):
-        gap, new_gap = gap_of(run, rows, OLD, k), gap_of(run, rows, NEW, k)
-        if contacts[k].phase == FLIGHT and gap.rate < 0.0 and new_gap.rate < 0.0:
-            steepest = 1.5 * (new_gap.g - gap.g) / h - 0.25 * (gap.rate + new_gap.rate)
-            excess = steepest - 0.25 * min(gap.rate, new_gap.rate)
-            if excess > 0.0 and max(gap.g, new_gap.g) + excess * h > contacts[k].noise:
-                return True
-    return False
 
 
 @inner
@@ -228,17 +206,6 @@ def land(run, rows, contacts, method, step, end, event, taken):
 
 
 @inner
-def unseen(run, rows, contacts):
-    """Return whether a pin is past its wall in flight, or off it in contact, by more than landing leaves."""
-    for k in range(len(contacts)):
-        outwards = 1.0 if contacts[k].phase == FLIGHT else -1.0
-        far = 2.0 * LANDING_CLEARANCE * contacts[k].clearance
-        if contacts[k].rigid == 0.0 and outwards * gap_of(run, rows, NEW, k).g > far:
-            return True
-    return False
-
-
-@inner
 def cut(run, rows, contacts, method, step, releasing):
     """Return a step that has been taken, or the one to the first event in it, the event, and its place.
 
@@ -253,8 +220,20 @@ def cut(run, rows, contacts, method, step, releasing):
             if event < 0 and alarm(contacts[k // 2], gap_of(run, rows, NEW, k // 2), k % 2) > 0.0:
                 event = k
         return step, event, place
-    if run.rejected < MOST_HALVED and bulged(run, rows, contacts, step.end - t):
-        return again, event, place
+    for k in range(len(contacts)):
+        # A pin that moves inwards at both ends may have been out in between where the cubic through g and its
+        # rates comes near to rising, and has the wall in reach: it is back, and off again, in a shorter step.
+        gap, new_gap, h = gap_of(run, rows, OLD, k), gap_of(run, rows, NEW, k), step.end - t
+        if (
+            contacts[k].phase == FLIGHT
+            and gap.rate < 0.0
+            and new_gap.rate < 0.0
+            and run.rejected < MOST_HALVED
+        ):
+            steepest = 1.5 * (new_gap.g - gap.g) / h - 0.25 * (gap.rate + new_gap.rate)
+            excess = steepest - 0.25 * min(gap.rate, new_gap.rate)
+            if excess > 0.0 and max(gap.g, new_gap.g) + excess * h > contacts[k].noise:
+                return again, event, place
     for trials in range(most + 1):  # another event may turn out to come before, if they are close
         other, place = first_event(run, rows, contacts, step.end - t, event)
         if trials == 0 and other < 0 and releasing >= 0:
@@ -269,8 +248,11 @@ def cut(run, rows, contacts, method, step, releasing):
         step = land(run, rows, contacts, method, step, t + place * (step.end - t), event, place >= 1.0)
         if np.isnan(step.end):
             return step, event, place
-    if event < 0 and unseen(run, rows, contacts):
-        return again, event, place
+    for k in range(len(contacts)):  # past its wall in flight, or off it in contact
+        outwards = 1.0 if contacts[k].phase == FLIGHT else -1.0
+        far = 2.0 * LANDING_CLEARANCE * contacts[k].clearance
+        if event < 0 and contacts[k].rigid == 0.0 and outwards * gap_of(run, rows, NEW, k).g > far:
+            return again, event, place
     return step, event, place
 
 
@@ -316,22 +298,13 @@ def note(run, rows, contacts, event):
 
 
 @inner
-def rises(contact, gap, elastic, ends, h, x):
-    """Return whether the normal force rises at x of a step of h, by the cubic of its penetration.
-
-    That goes through values and rates at both ends. The part of the damper that is not in proportion to the
-    elastic force there is taken from ``gap``.
-    """
-    value, rate, new_value, new_rate = ends
-    change, start, stop = new_value - value, h * rate, h * new_rate
-    second, third = 3.0 * change - 2.0 * start - stop, start + stop - 2.0 * change
-    depth = value + x * (start + x * (second + x * third))
-    slope = (start + x * (2.0 * second + x * 3.0 * third)) / h
-    curve = (2.0 * second + x * 6.0 * third) / (h * h)
-    if elastic < 0.0:
-        elastic = contact.stiffness * max(depth, 0.0) ** contact.exponent
-    stiffer = contact.exponent * elastic * slope * (1.0 + contact.memory * slope)
-    return stiffer + (gap.damper + (elastic - gap.elastic) * contact.memory) * curve * depth > 0.0
+def falls(contact, gap, new_gap, h):
+    """Return whether the normal force falls at the end of a step of h, by the cubic of its penetration."""
+    c, new_depth = contact.clearance, new_gap.depth
+    rate, slope = gap.rate * c / (c + gap.depth), new_gap.rate * c / (c + new_depth)
+    curve = ((4.0 * slope + 2.0 * rate) - 6.0 * (new_depth - gap.depth) / h) / h
+    stiffer = contact.exponent * new_gap.elastic * slope * (1.0 + contact.memory * slope)
+    return stiffer + new_gap.damper * curve * new_depth <= 0.0
 
 
 @inner
@@ -356,41 +329,26 @@ def force_at(run, rows, contacts, h, x, k):
 def note_largest(run, rows, contacts, h):
     """Note the largest normal forces and penetrations of the compliant contacts in a step of h.
 
-    Within it they are sought on the quintic: where the penetration turns, and by a parabola around where its
-    cubic says that the force does.
+    Within it they are sought on the quintic: where the penetration turns, and by thirds where the force does.
     """
     for k in range(len(contacts)):
         contact, gap, new_gap = contacts[k], gap_of(run, rows, OLD, k), gap_of(run, rows, NEW, k)
         if contact.phase != CONTACT or contact.rigid != 0.0:
             continue
         force, new_force = gap.elastic * gap.push, keep_largest(contact, new_gap, run.time + h)
-        turns, falls = gap.rate > 0.0 > new_gap.rate, new_force < force < contact.force
-        c = contact.clearance
-        rate, new_rate = gap.rate * c / (c + gap.depth), new_gap.rate * c / (c + new_gap.depth)
-        ends = gap.depth, rate, new_gap.depth, new_rate
-        inside = not falls and not rises(contact, new_gap, new_gap.elastic, ends, h, 1.0)
-        if not (turns or inside):
-            continue
-        know_slopes(run, h)
+        turns, over = gap.rate > 0.0 > new_gap.rate, new_force < force < contact.force
+        peaks = not over and falls(contact, gap, new_gap, h)
+        if turns or peaks:
+            know_slopes(run, h)
         if turns:
-            x = turning(run, rows, contacts, h, k, True)
-            keep_largest(contact, gap_of(run, rows, AT, k), run.time + x * h)
-        if inside:
-            low, high = 0.0, 1.0
-            for _ in range(20):
-                x = 0.5 * (low + high)
-                if rises(contact, new_gap, -1.0, ends, h, x):
-                    low = x
-                else:
-                    high = x
-            x = min(max(low, ASIDE_OF_PEAK), 1.0 - ASIDE_OF_PEAK)
-            before = force_at(run, rows, contacts, h, x - ASIDE_OF_PEAK, k)
-            at = force_at(run, rows, contacts, h, x, k)
-            after = force_at(run, rows, contacts, h, x + ASIDE_OF_PEAK, k)
-            bend = before - 2.0 * at + after
-            if bend < 0.0:
-                x += 0.5 * ASIDE_OF_PEAK * (before - after) / bend
-                force_at(run, rows, contacts, h, min(max(x, 0.0), 1.0), k)
+            force_at(run, rows, contacts, h, turning(run, rows, contacts, h, k, True), k)
+        low, high = 0.0, 1.0
+        while peaks and high - low > PEAK:
+            x, y = (2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0
+            if force_at(run, rows, contacts, h, x, k) < force_at(run, rows, contacts, h, y, k):
+                low = x
+            else:
+                high = y
 
 
 # ----------------------------------------------------------------------------------------- rigid walls
@@ -403,102 +361,49 @@ def look(run, row):
 
 
 @inner
-def push_back(run, rows, contacts, row, k):
-    """Set what walls do to their pins, that of contact k and those that follow; return whether all push.
-
-    With k it is impulses, by which its speed along the normal changes from u to -e u and the others' to zero;
-    with k = -1 forces, by which pins that follow have no acceleration along the normal. The walls are in a
-    row, and the results in the column after the matrix of mobilities, W of all R rigid joints.
-    """
-    R, S, n, at = run.rigid_joints, run.wall_rows, run.n, rows[row]
-    D, W = WALL_FIELDS * R, WALL_FIELDS * R + 2 * S * n
-    free = W + S * S + S
-    for i in range(R):
-        for j in range(R + 1):
-            rows[DENSE + i, j] = 1.0 if i == j else 0.0
-    for a in range(len(contacts)):
-        if a == k or (contacts[a].rigid != 0.0 and contacts[a].phase != FLIGHT):
-            i = contacts[a].number
-            for b in range(len(contacts)):
-                if b == k or (contacts[b].rigid != 0.0 and contacts[b].phase != FLIGHT):
-                    rows[DENSE + i, contacts[b].number] = at[W + i * S + contacts[b].number]
-            right = at[WALL_FIELDS * i + 1] * (1.0 + (contacts[a].restitution if a == k else 0.0))
-            if k < 0:
-                right = at[WALL_FIELDS * i + 2]
-                for c in range(n):
-                    right -= at[D + i * n + c] * at[free + c]
-            rows[DENSE + i, R] = right
-    for i in range(R):  # W is positive definite
-        pivot = rows[DENSE + i, i]
-        if not (pivot == 1.0 or pivot > DEPENDENT * at[WALL_FIELDS * i + 5]):
-            return False
-        for j in range(R + 1):
-            rows[DENSE + i, j] /= pivot
-        for other in range(R):
-            factor = rows[DENSE + other, i]
-            if other != i and factor != 0.0:
-                add(rows[DENSE + other], -factor, rows[DENSE + i], R + 1)
-    for i in range(R):
-        if rows[DENSE + i, R] < 0.0:
-            return False
-    return True
-
-
-@inner
 def bounce(run, rows, contacts, k):
     """Have a pin hit its rigid wall and fly off again; return whether that is all there is to the event.
 
-    It is, where no other pin hits, there is no friction, all that follow are pushed by the impact and go on
-    following, and this one does not come too slowly or leave for too short a flight. Otherwise nothing is
-    changed, and ``impacts.resolve`` has to do it.
+    It is, where no other pin is at a rigid wall, there is no friction, and this one does not come too slowly
+    or leave for too short a flight. Otherwise nothing is changed, and ``impacts.resolve`` has to do it.
     """
     contact, R, S, n = contacts[k], run.rigid_joints, run.wall_rows, run.n
-    simple = contact.phase == FLIGHT and len(rows) > R + DENSE
+    simple = contact.phase == FLIGHT and contact.friction == 0.0
     for i in range(len(contacts)):
-        if contacts[i].rigid != 0.0:
+        if i != k and contacts[i].rigid != 0.0:
             near = gap_of(run, rows, OLD, i).g > -run.lowest * contacts[i].noise
-            simple = simple and contacts[i].friction == 0.0
-            simple = simple and (i == k or contacts[i].phase != FLIGHT or not near)
+            simple = simple and contacts[i].phase == FLIGHT and not near
     if not (simple and look(run, SPARE)):
         return False
-    at, after, old, kept = rows[SPARE], rows[AT], rows[OLD], rows[END]
-    first, motion, W = WALL_FIELDS * contact.number, WALL_FIELDS * R + S * n, WALL_FIELDS * R + 2 * S * n
-    rate, rate_noise = at[first + 1], at[first + 4]
-    if not (rate > max(rate_noise, contact.slowest) and push_back(run, rows, contacts, SPARE, k)):
+    at, after, old, kept, j = rows[SPARE], rows[AT], rows[OLD], rows[END], contact.number
+    rate, turning, noise, rate_noise, bare = R + j, 2 * R + j, 3 * R + j, 4 * R + j, 5 * R + j
+    D, W = 7 * R, 7 * R + 2 * S * n  # see ``run.wall_record``
+    speed, mobility, free = at[rate], at[W + j * S + j], W + S * S + S
+    if not (speed > max(at[rate_noise], contact.slowest) and mobility > DEPENDENT * at[bare]):
         return False
+    impulse = speed * (1.0 + contact.restitution) / mobility
     for c in range(n):
         kept[c] = old[n + c]
-    for i in range(R):
-        impulse = kept[n + i] = rows[DENSE + i, R]
-        for c in range(n):
-            old[n + c] += impulse * at[motion + i * n + c]
-    rebounds = look(run, AT) and push_back(run, rows, contacts, AT, -1)
+        old[n + c] += impulse * at[D + (S + j) * n + c]
+    rebounds = look(run, AT)
     if rebounds:
-        own, free, outward = WALL_FIELDS * R + contact.number * n, W + S * S + S, after[first + 2]
+        outward = after[turning]
         for c in range(n):
-            pushed = after[free + c]
-            for i in range(R):
-                pushed += rows[DENSE + i, R] * after[motion + i * n + c]
-            outward -= after[own + c] * pushed
-        height = FLIGHT_HEIGHT * run.lowest * after[first + 3] * max(outward, 0.0)
-        rebounds = outward <= 0.0 or -2.0 * after[first + 1] >= max(run.shortest_s * outward, np.sqrt(height))
+            outward -= after[D + j * n + c] * after[free + c]
+        height = FLIGHT_HEIGHT * run.lowest * after[noise] * max(outward, 0.0)
+        rebounds = outward <= 0.0 or -2.0 * after[rate] >= max(run.shortest_s * outward, np.sqrt(height))
     if not rebounds:
         for c in range(n):
             old[n + c] = kept[c]
         return False
-    for i in range(len(contacts)):
-        if i == k or (contacts[i].rigid != 0.0 and contacts[i].phase != FLIGHT):
-            other, j, entry = contacts[i], contacts[i].number, run.events[run.logged]
-            restitution = other.restitution if i == k else 0.0
-            approach, impulse = at[WALL_FIELDS * j + 1], kept[n + j]
-            lost, mass = 0.5 * (1.0 - restitution) * approach * impulse, 1.0 / at[W + j * S + j]
-            old[2 * n] += at[W + S * S + j] * impulse
-            old[2 * n + other.column] += impulse
-            old[2 * n + other.column + 1] += lost
-            other.noise = after[WALL_FIELDS * j + 3]
-            other.rate_noise = max(at[WALL_FIELDS * j + 4], after[WALL_FIELDS * j + 4])
-            entry.time_s, entry.contact, entry.what = run.time, i, REBOUND if i == k else SUPPORT
-            entry.approach, entry.impulse, entry.lost, entry.mass = approach, impulse, lost, mass
-            run.logged += 1
+    lost = 0.5 * (1.0 - contact.restitution) * speed * impulse
+    old[2 * n] += at[W + S * S + j] * impulse
+    old[2 * n + contact.column] += impulse
+    old[2 * n + contact.column + 1] += lost
+    contact.noise, contact.rate_noise = after[noise], max(at[rate_noise], after[rate_noise])
+    entry = run.events[run.logged]
+    entry.time_s, entry.contact, entry.what, entry.approach = run.time, k, REBOUND, speed
+    entry.impulse, entry.lost, entry.mass = impulse, lost, 1.0 / mobility
+    run.logged += 1
     set_gaps(run, run.time, OLD)
     return True

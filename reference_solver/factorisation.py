@@ -139,7 +139,7 @@ class Factors:
         """
         row, n = self._rows[k], self._n
         constraints = [r for r in row if r >= n]
-        if k < n and (pairs := [(len(self._rows[r]), r) for r in constraints if _is_one(row[r])]):
+        if k < n and (pairs := [(len(self._rows[r]), r) for r in constraints if row[r] in (1, -1)]):
             entries, r = min(pairs)
             return 0, len(row) * entries, k, r
         return (2 if k >= n else 1 if constraints else 0), len(row) ** 2 + QUOTIENT, k, None
@@ -184,10 +184,6 @@ class Factors:
 
 def _is_known(x: Scalar) -> bool:
     return isinstance(x, Value) and x.node.known
-
-
-def _is_one(x: Scalar) -> bool:
-    return bool(x == 1 or x == -1)
 
 
 def eliminated(matrix: Array, right: Array) -> tuple[Array, list[Scalar]]:

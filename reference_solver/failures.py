@@ -1,6 +1,7 @@
 """How the solver fails: each error says when and why, and what helps."""
 
 from collections.abc import Sequence
+from typing import Any
 
 #: Names that a message has at the most.
 MOST_NAMES = 8
@@ -13,7 +14,14 @@ def listed(names: Sequence[str]) -> str:
 
 
 class SolverError(Exception):
-    """Base of the solver's errors."""
+    """Base of the solver's errors: a text, or values, its attributes, for the ``message`` of its class."""
+
+    message = ""
+    time_s: float
+
+    def __init__(self, text: str = "", **values: Any) -> None:
+        vars(self).update(values)
+        super().__init__(text or self.message.format(**values))
 
 
 class InconsistentStart(SolverError):
@@ -26,13 +34,13 @@ class SingularConfiguration(SolverError):
     ``joints`` are the names of the constraints whose rows depend on each other.
     """
 
-    def __init__(self, rank: int, rows: int, time_s: float, joints: tuple[str, ...]) -> None:
-        self.rank, self.rows, self.joints = rank, rows, joints
-        super().__init__(
-            f"the joints' rows have rank {rank} of {rows} at t = {time_s:.6g} s, those of "
-            f"{listed(joints)} depend on each other: take one of them away, give it clearance, or stop "
-            "before the singular position"
-        )
+    rank: int
+    rows: int
+    joints: tuple[str, ...]
+    message = (
+        "the joints' rows have rank {rank} of {rows} at t = {time_s:.6g} s, those of {names} depend on each "
+        "other: take one of them away, give it clearance, or stop before the singular position"
+    )
 
 
 class TooLight(SolverError):
@@ -42,108 +50,92 @@ class TooLight(SolverError):
 class LimitPosition(SolverError):
     """A drive has come to where its mechanism cannot follow."""
 
-    def __init__(self, time_s: float) -> None:
-        super().__init__(
-            f"the drive has come to a limit position of its mechanism at t = {time_s:.8g} s, which cannot "
-            "follow it any further: end the run before, or drive another body"
-        )
+    message = (
+        "the drive has come to a limit position of its mechanism at t = {time_s:.8g} s, which cannot follow "
+        "it any further: end the run before, or drive another body"
+    )
 
 
 class NearSingular(SolverError):
     """A step comes too near to a singular position, which amplifies its error; no way past it is sure."""
 
-    def __init__(self, time_s: float, step_s: float, condition: float) -> None:
-        super().__init__(
-            f"step {step_s:.3g} s from t = {time_s:.6g} s comes too near to a singular position (condition "
-            f"number {condition:.1e}), which amplifies its error: choose another step, project, take error "
-            "control or stop before it"
-        )
+    message = (
+        "step {step_s:.3g} s from t = {time_s:.6g} s comes too near to a singular position (condition number "
+        "{condition:.1e}), which amplifies its error: end the run before it, or try a tolerance"
+    )
 
 
 class EnergyNotConserved(SolverError):
     """The energy of a run does not add up, by more than its steps explain."""
 
-    def __init__(self, time_s: float, created_J: float, allowed_J: float) -> None:
-        super().__init__(
-            f"the energy at t = {time_s:.6g} s does not add up by {created_J:.3g} J, where the steps explain "
-            f"{allowed_J:.3g} J: shorten the step, take another stabilisation or error control"
-        )
+    message = (
+        "the energy at t = {time_s:.6g} s does not add up by {created_J:.3g} J, where the steps explain "
+        "{allowed_J:.3g} J: {advice}"
+    )
 
 
 class DriftAmplified(SolverError):
     """Constraints that are not projected have been violated where a singular position amplifies that."""
 
-    def __init__(self, time_s: float, moved: float, condition: float) -> None:
-        super().__init__(
-            f"the constraints' violation at t = {time_s:.6g} s moves bodies by {moved:.2g} of the "
-            f"mechanism's length where it passes a singular position (condition number {condition:.1e}): "
-            "project, or shorten the step"
-        )
+    message = (
+        "the constraints' violation at t = {time_s:.6g} s moves bodies by {moved:.2g} of the mechanism's "
+        "length where it passes a singular position (condition number {condition:.1e}): project"
+    )
 
 
 class NonFiniteState(SolverError):
-    """The state has overflowed or become NaN; the step is 0 where it is not known."""
+    """The state has overflowed or become NaN."""
 
-    def __init__(self, time_s: float, step_s: float = 0.0) -> None:
-        step = f" with step {step_s:.3g} s" if step_s else ""
-        super().__init__(f"non-finite state at t = {time_s:.6g} s{step}: shorten the step")
+    message = "non-finite state at t = {time_s:.6g} s: shorten the step"
 
 
 class StepsCollapsed(SolverError):
     """Error control has found no step that meets its tolerance."""
 
-    def __init__(self, time_s: float, step_s: float) -> None:
-        super().__init__(
-            f"no step from t = {time_s:.6g} s meets the tolerance, not even {step_s:.3g} s: the forces jump "
-            "there, or a singular configuration is close: loosen the tolerance or stop before it"
-        )
+    message = (
+        "no step from t = {time_s:.6g} s meets the tolerance, not even {step_s:.3g} s: the forces jump "
+        "there, or a singular configuration is close: loosen the tolerance or stop before it"
+    )
 
 
 class BlockedImpact(SolverError):
     """The ideal joints and drivers leave a pin no motion along the line of centres."""
 
-    def __init__(self, time_s: float) -> None:
-        super().__init__(
-            f"impact at t = {time_s:.6g} s: the ideal joints and drivers prescribe the pin's motion along "
-            "the line of centres, which leaves no finite effective mass: free one of them"
-        )
+    message = (
+        "impact at t = {time_s:.6g} s: the ideal joints and drivers prescribe the pin's motion along the "
+        "line of centres, which leaves no finite effective mass: free one of them"
+    )
 
 
 class PainleveParadox(SolverError):
     """Friction leaves a pin no motion that answers its wall's push along the normal."""
 
-    def __init__(self, time_s: float, joints: tuple[int, ...]) -> None:
-        super().__init__(
-            f"rigid joints {', '.join(map(str, joints))} at t = {time_s:.6g} s: with friction the normal "
-            "mobility is not positive (Painleve's paradox): lower the friction or use a compliant law"
-        )
+    message = (
+        "rigid joints {joints} at t = {time_s:.6g} s: with friction the normal mobility is not positive "
+        "(Painleve's paradox): lower the friction or use a compliant law"
+    )
 
 
 class FrictionTooStiff(SolverError):
     """The step is too long for the damping by regularised friction; one below ``needed_s`` is not."""
 
-    def __init__(self, time_s: float, h: float, rate: float, limit: float) -> None:
-        self.needed_s = limit / rate
-        super().__init__(
-            f"step {h:.3g} s at t = {time_s:.6g} s: friction in rigid joints damps sliding at {rate:.3g} 1/s "
-            f"and needs a step below {self.needed_s:.3g} s: shorten the step or raise the "
-            "regularisation speed"
-        )
+    needed_s: float
+    message = (
+        "step {step_s:.3g} s at t = {time_s:.6g} s: friction in rigid joints damps sliding at {rate:.3g} 1/s "
+        "and needs a step below {needed_s:.3g} s: shorten the step or raise the regularisation speed"
+    )
 
 
 class UnsettledEvents(SolverError):
     """The joints' events at one time have no end."""
 
-    def __init__(self, time_s: float, joint: int) -> None:
-        super().__init__(
-            f"the rigid joints' events at t = {time_s:.6g} s have no end (joint {joint} last): "
-            "change the step or give the joints a minimum impact speed"
-        )
+    message = (
+        "the rigid joints' events at t = {time_s:.6g} s have no end (joint {joint} last): give the joints a "
+        "minimum impact speed"
+    )
 
 
 class Stalled(SolverError):
     """Steps have become too short to move time on."""
 
-    def __init__(self, time_s: float, steps: int) -> None:
-        self.time_s = time_s
-        super().__init__(f"{steps} steps made no way at t = {time_s:.6g} s: soften the contact law")
+    message = "{steps} steps made no way at t = {time_s:.6g} s: soften the contact law"

@@ -32,9 +32,7 @@ with the contact's row in B and e applied to that row only, and the loss is (1 -
 A pin that hits alone, without friction, and flies off again has its rebound in the loop (``loop.bounce``).
 """
 
-import math
-from dataclasses import dataclass
-from itertools import chain, combinations, pairwise, product
+from itertools import chain, combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,21 +40,15 @@ from numpy.typing import NDArray
 
 from reference_solver import failures
 from reference_solver.equations import Answer, Equations
-from reference_solver.mechanism.contacts import (
-    CONTACT,
-    FLIGHT,
-    FRICTION_LAWS,
-    ClearanceJoint,
-    RigidWall,
-    separation,
-)
-from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.contacts import CONTACT, FLIGHT, FRICTION_LAWS, separation
 from reference_solver.mechanism.points import State
-from reference_solver.run import DEPENDENT, FLIGHT_HEIGHT, OLD, WALL_FIELDS, Impact, Run
+from reference_solver.run import DEPENDENT, FLIGHT_HEIGHT, OLD, Impact, Run, wall_record
 from reference_solver.tape import Array, FloatArray, Scalar, array
 from reference_solver.wall_friction import LEAST_MOBILITY
 
 Chosen = NDArray[np.bool_]
+#: How pins of rigid joints answer to impulses and forces at a state: see ``run.wall_record``.
+Walls = Any
 
 
 class ModeChange(NamedTuple):
@@ -117,13 +109,10 @@ def least_minor_ratio(W: FloatArray, plain: FloatArray) -> float:
 
     Minors of that which are round-off beside the product of its diagonal are left out; 1 with none left.
     """
-    least, k = 1.0, len(W)
-    for members in chain.from_iterable(combinations(range(k), size) for size in range(1, k + 1)):
-        part = np.ix_(members, members)
-        reference = np.linalg.det(plain[part])
-        if reference > LEAST_MINOR * np.diag(plain)[list(members)].prod():
-            least = min(least, float(np.linalg.det(W[part]) / reference))
-    return least
+    sets = chain.from_iterable(combinations(range(len(W)), size) for size in range(1, len(W) + 1))
+    parts = [np.ix_(members, members) for members in sets]
+    minors = [(np.linalg.det(W[x]), np.linalg.det(plain[x]), np.diag(plain[x]).prod()) for x in parts]
+    return float(min([1.0, *(minor / of for minor, of, size in minors if of > LEAST_MINOR * size)]))
 
 
 # ---------------------------------------------------------------------------------- one impact
@@ -153,110 +142,55 @@ def find_impulses(
                 A[row], b[row] = W[row], -u[row]
             elif row >= 0 and state != OPEN:
                 A[row, i] = friction[i] if state == MINUS else -friction[i]
-        rubbed, full = solve(A, b)
-        if full and keeps_conditions(W, u, restitution, friction, tangent, case, rubbed):
-            return moved_back(W, u, plain, rubbed)
+        rubbed, kept = solve(A, b)
+        after, little, slow = u + W @ rubbed, CASE_SLACK * np.abs(rubbed).max(), CASE_SLACK * np.abs(u).max()
+        for i, (state, row) in enumerate(zip(case, tangent, strict=True)):
+            kept = kept and rubbed[i] >= -little and after[i] + restitution[i] * u[i] >= -slow
+            # What is beyond Coulomb's limit, or slides in the wrong direction.
+            stuck = abs(rubbed[row]) - friction[i] * rubbed[i] - little
+            beyond = stuck, -after[row] - slow, after[row] - slow
+            kept = kept and (row < 0 or state == OPEN or beyond[state] <= 0.0)
+        if kept:
+            # The kinetic energy grows by g0 + s g1 + s^2 g2 on the way s, with g0 <= 0 and g2 >= 0.
+            way, part = rubbed - plain, 1.0
+            g0 = plain @ (u + 0.5 * W @ plain)
+            g1, g2 = way @ (u + W @ plain), 0.5 * way @ W @ way
+            if g0 + g1 + g2 > 0.0:
+                root = np.sqrt(max(float(g1 * g1 - 4.0 * g0 * g2), 0.0))
+                part = -2.0 * g0 / (g1 + root) if g1 > 0.0 else (root - g1) / (2.0 * g2)
+            return np.asarray(plain + min(max(part, 0.0), 1.0) * way)
     return plain
-
-
-def keeps_conditions(
-    W: FloatArray,
-    u: FloatArray,
-    restitution: FloatArray,
-    friction: FloatArray,
-    tangent: list[int],
-    case: tuple[int, ...],
-    impulse: FloatArray,
-) -> bool:
-    """Return whether impulses keep signs, Coulomb's limits, and the direction of sliding of their case."""
-    after, little, slow = u + W @ impulse, CASE_SLACK * np.abs(impulse).max(), CASE_SLACK * np.abs(u).max()
-    for i, (state, row) in enumerate(zip(case, tangent, strict=True)):
-        if impulse[i] < -little or after[i] + restitution[i] * u[i] < -slow:
-            return False
-        if row < 0:
-            continue
-        if state == STICK and abs(impulse[row]) > friction[i] * impulse[i] + little:
-            return False
-        if (state == MINUS and -after[row] > slow) or (state == PLUS and after[row] > slow):
-            return False
-    return True
-
-
-def moved_back(W: FloatArray, u: FloatArray, plain: FloatArray, rubbed: FloatArray) -> FloatArray:
-    """Return the impulses nearest ``rubbed``, on the way from the frictionless ones, that let no energy grow.
-
-    The growth is g0 + s g1 + s^2 g2 with g0 <= 0 and g2 >= 0: one root in [0, 1].
-    """
-    way = rubbed - plain
-    g0 = plain @ (u + 0.5 * W @ plain)
-    g1, g2 = way @ (u + W @ plain), 0.5 * way @ W @ way
-    part: Any = 1.0
-    if g0 + g1 + g2 > 0.0:
-        root = np.sqrt(max(float(g1 * g1 - 4.0 * g0 * g2), 0.0))
-        part = -2.0 * g0 / (g1 + root) if g1 > 0.0 else (root - g1) / (2.0 * g2)
-    return np.asarray(plain + min(max(part, 0.0), 1.0) * way)
 
 
 # ------------------------------------------------------------------------------------- walls
 
 
-def rigid_joints(mechanism: Mechanism) -> list[tuple[int, ClearanceJoint, RigidWall]]:
-    """Return number, joint and wall of the contacts that are rigid."""
-    contacts = enumerate(mechanism.contacts)
-    return [(k, joint, joint.law) for k, joint in contacts if isinstance(joint.law, RigidWall)]
-
-
 def walls_at(equations: Equations, answer: Answer, t: Scalar, q: Array, v: Array) -> list[Scalar]:
-    """Return what R rigid walls have to know of a state of n coordinates, no pin following, for ``Walls``.
+    """Return the numbers of ``wall_record`` at a state of n coordinates, no pin following.
 
     ``answer`` is that of the equations there.
     """
     state, system = State(q, v), equations.system(t, q, v)
-    joints = [joint for _, joint, _ in rigid_joints(equations.mechanism)]
+    joints = [joint for joint in equations.mechanism.contacts if joint.rigid]
     at = [separation(joint, state) for joint in joints]
     tangents = [each.tangent for each, joint in zip(at, joints, strict=True) if joint.friction is not None]
     D = array([*(-each.normal for each in at), *tangents])
     motion, reactions = equations.factors(system.B).solve(D.T, np.zeros((len(system.C), len(D))))
     W = D @ motion
-    numbers: list[Scalar] = []
+    numbers = list[list[Scalar]]()
     for each, joint, row in zip(at, joints, D, strict=False):
         bare = (row * row) @ equations.inverse_mass
         law = joint.friction
         sliding = each.tangent @ v
         share = 0.0 if law is None else law.coefficient * FRICTION_LAWS[law.law](law, sliding)
-        numbers += [each.distance, each.rate, each.turning, each.noise, each.rate_noise, bare, share]
-    parts = D, motion.T, 0.5 * (W + W.T), reactions.T @ system.C, answer.accelerations
-    return [*numbers, *(x for part in parts for x in np.asarray(part).ravel())]
+        numbers.append([each.distance, each.rate, each.turning, each.noise, each.rate_noise, bare, share])
+    parts = array(numbers).T, D, motion.T, 0.5 * (W + W.T), reactions.T @ system.C, answer.accelerations
+    return [x for part in parts for x in np.asarray(part).ravel()]
 
 
-@dataclass(frozen=True)
-class Walls:
-    """R joints with rigid walls at a state: how their pins answer to impulses and forces, no pin following.
-
-    They push along S rows ``D`` (S, n) of {q'}: of every joint the inward normal speed, then of those with
-    friction the tangential one. ``motion`` (S, n) are {q'} per unit of each impulse, ``W`` (S, S) speeds
-    along all rows, ``drivers`` (S,) the work of the drivers; ``free`` (n,) are the accelerations. Of every
-    joint, (R,): its ``Separation``, the mobility along the normal that free bodies would have, in 1/kg, and
-    friction as a part of the normal force.
-    """
-
-    distance: FloatArray
-    rate: FloatArray
-    turning: FloatArray
-    noise: FloatArray
-    rate_noise: FloatArray
-    bare: FloatArray
-    share: FloatArray
-    D: FloatArray
-    motion: FloatArray
-    W: FloatArray
-    drivers: FloatArray
-    free: FloatArray
-
-    @property
-    def rests(self) -> Chosen:
-        """Return which pins have no normal speed but round-off."""
-        return np.asarray(np.abs(self.rate) <= self.rate_noise)
+def at_rest(walls: Walls) -> Chosen:
+    """Return which pins have no normal speed but round-off."""
+    return np.asarray(np.abs(walls.rate) <= walls.rate_noise)
 
 
 def free_to_move(t: float, walls: Walls, chosen: Chosen) -> list[int]:
@@ -267,7 +201,7 @@ def free_to_move(t: float, walls: Walls, chosen: Chosen) -> list[int]:
     """
     joints = np.flatnonzero(chosen)
     if (np.diag(walls.W)[joints] < DEPENDENT * walls.bare[joints]).any():
-        raise failures.BlockedImpact(t)
+        raise failures.BlockedImpact(time_s=t)
     return [int(j) for j in joints]
 
 
@@ -277,26 +211,23 @@ def free_to_move(t: float, walls: Walls, chosen: Chosen) -> list[int]:
 class Impacts:
     """A run's events on rigid walls: impacts and changes so far, and which contacts' pins follow.
 
-    ``look`` is the function ``walls`` of a kernel without such pins, ``p`` the address of its numbers; sums
-    are named as in ``Equations.power_names``.
+    ``kernel`` is one without such pins; sums are named as in ``Equations.power_names``.
     """
 
-    def __init__(self, equations: Equations, sums: list[str], look: Any, p: int) -> None:
-        self._equations, self._look, self._p = equations, look, p
-        rigid = rigid_joints(equations.mechanism)
-        self._contact = [k for k, _, _ in rigid]
+    def __init__(self, equations: Equations, sums: list[str], kernel: Any) -> None:
+        self._equations, self._kernel = equations, kernel
+        self._contact = [k for k, joint in enumerate(equations.mechanism.contacts) if joint.rigid]
         self._column = [sums.index(f"normal{k}") for k in self._contact]
-        self._restitution = np.array([wall.restitution for _, _, wall in rigid])
-        self._slowest = np.array([wall.minimum_impact_speed_m_s for _, _, wall in rigid])
-        laws = [joint.friction for _, joint, _ in rigid]
+        rigid = [equations.mechanism.contacts[k] for k in self._contact]
+        self._restitution = np.array([joint.law.restitution for joint in rigid])
+        self._slowest = np.array([joint.law.minimum_impact_speed_m_s for joint in rigid])
+        laws = [joint.friction for joint in rigid]
         self._friction = np.array([0.0 if law is None else law.coefficient for law in laws])
         rows = np.cumsum([law is not None for law in laws]) + len(rigid) - 1
         self._tangent = [-1 if law is None else int(row) for law, row in zip(laws, rows, strict=True)]
         R, S, n = len(rigid), len(rigid) + sum(law is not None for law in laws), equations.n
-        self._shapes = (R, WALL_FIELDS), (S, n), (S, n), (S, S), (S,), (n,)
-        ends = np.cumsum([0, *map(math.prod, self._shapes)]).tolist()
-        self._places = [slice(*each) for each in pairwise(ends)]
-        self._noise, self._at_once, self._last_s = np.zeros(len(rigid)), 0, -1.0
+        self._record = wall_record(R, S, n)
+        self._noise, self._at_once, self._last_s = np.zeros(R), 0, -1.0
         self.following: tuple[int, ...] = ()
         self.impacts, self.changes, self.resolved = list[Impact](), list[ModeChange](), 0
 
@@ -311,7 +242,7 @@ class Impacts:
         self._at_once = self._at_once + 1 if t == self._last_s else 1
         self._last_s, self.resolved = t, self.resolved + 1
         if self._at_once > EVENTS_AT_ONCE * len(run.contacts):
-            raise failures.UnsettledEvents(t, touched)
+            raise failures.UnsettledEvents(time_s=t, joint=touched)
         self._noise[:] = 0.0
         walls, mine = self._walls(run), np.array(self._contact) == touched
         follows = contacts["phase"] != FLIGHT
@@ -324,8 +255,8 @@ class Impacts:
                 break
             takes_part, before = touches & (walls.rate >= -walls.rate_noise), run.v.copy()
             walls = self._hit(run, walls, touches if turns == MOST_IN_TURNS else takes_part, hits)
-            turns, moved, follows = turns + 1, bool((run.v != before).any()), follows & walls.rests
-        force, _ = self._press(t, walls, touches & walls.rests & ~released)
+            turns, moved, follows = turns + 1, bool((run.v != before).any()), follows & at_rest(walls)
+        force, _ = self._press(t, walls, touches & at_rest(walls) & ~released)
         phase = np.where(force > 0.0, CONTACT, FLIGHT)
         for name, values in (("phase", phase), ("noise", walls.noise), ("rate_noise", walls.rate_noise)):
             run.contacts[name][self._contact] = values
@@ -338,13 +269,12 @@ class Impacts:
 
     def _walls(self, run: Run) -> Walls:
         """Return the walls at a run's state; round-off of speeds from faster ones is that of the fastest."""
-        numbers, t = np.zeros(self._places[-1].stop), float(run.state["time"][0])
-        if not self._look(self._p, run.contacts.ctypes.data, t, run.rows[OLD], numbers) < np.inf:
+        walls, t, p = np.recarray(1, self._record), float(run.state["time"][0]), self._kernel.p
+        look = self._kernel.functions["walls"]
+        if not look(p, run.contacts.ctypes.data, t, run.rows[OLD], walls) < np.inf:
             self._equations.refuse_singular(t, run.q)
-        parts = [numbers[place].reshape(s) for place, s in zip(self._places, self._shapes, strict=True)]
-        of_joints = parts[0].T.copy()
-        of_joints[4] = self._noise = np.maximum(self._noise, of_joints[4])
-        return Walls(*of_joints, *parts[1:])
+        walls[0].rate_noise = self._noise = np.maximum(self._noise, walls[0].rate_noise)
+        return walls[0]
 
     def _hit(self, run: Run, walls: Walls, takes_part: Chosen, hits: Chosen) -> Walls:
         """Have joints hit at once, those with ``hits`` by their restitution; return the walls after that.
@@ -372,7 +302,19 @@ class Impacts:
                 kind = "closing" if closes[j] else "impact" if hits[j] else "support"
                 numbers = 0.0, float(walls.rate[j]), normal, tangential, lost, float(1.0 / walls.W[j, j])
                 self.impacts.append(Impact(t, self._contact[j], kind, *numbers))
-        return self._caught(run, after, takes_part, short)
+        leaves = takes_part & (after.rate < -after.rate_noise) & short
+        if not leaves.any():
+            return after
+        # Pins that another's impact throws off for too short a flight are kept on their walls.
+        joints = free_to_move(t, after, leaves | (takes_part & at_rest(after)))
+        u = after.D[joints] @ run.v
+        impulse, _ = solve(after.W[np.ix_(joints, joints)], -u)
+        run.v[:] += impulse @ after.motion[joints]
+        columns = np.array([self._column[j] for j in joints])
+        run.sums[0] += after.drivers[joints] @ impulse
+        run.sums[columns] += impulse
+        run.sums[columns + 2] -= 0.5 * impulse * u  # u becomes 0
+        return self._walls(run)
 
     def _collide(
         self, run: Run, walls: Walls, chosen: Chosen, restitution: FloatArray
@@ -403,7 +345,8 @@ class Impacts:
         tangents = [self._tangent[joints[i]] for i in rubbing]
         matrix[:, rubbing] -= share[rubbing] * walls.W[np.ix_(joints, tangents)]
         if len(rubbing) and least_minor_ratio(matrix, plain) <= LEAST_MOBILITY:
-            raise failures.PainleveParadox(t, tuple(self._contact[joints[i]] for i in rubbing))
+            names = failures.listed([str(self._contact[joints[i]]) for i in rubbing])
+            raise failures.PainleveParadox(time_s=t, joints=names)
         pushes = complementary(matrix, walls.D[joints] @ walls.free - walls.turning[joints])
         force[joints] = pushes
         rubs = (share * pushes)[rubbing] @ walls.motion[tangents]
@@ -412,23 +355,8 @@ class Impacts:
     def _short(self, run: Run, walls: Walls, takes_part: Chosen) -> Chosen:
         """Return which pins, leaving their walls, would be back too soon."""
         state = run.state[0]
-        _, pushed = self._press(float(state["time"]), walls, takes_part & walls.rests)
+        _, pushed = self._press(float(state["time"]), walls, takes_part & at_rest(walls))
         outward = walls.turning - walls.D[: len(walls.rate)] @ pushed
         height = FLIGHT_HEIGHT * state["lowest"] * walls.noise * np.maximum(outward, 0.0)
         shortest = np.maximum(state["shortest_s"] * outward, np.sqrt(height))
         return np.asarray((outward > 0.0) & (2.0 * np.maximum(-walls.rate, 0.0) < shortest))
-
-    def _caught(self, run: Run, walls: Walls, takes_part: Chosen, short: Chosen) -> Walls:
-        """Keep pins on their walls that another's impact throws off for too short a flight."""
-        leaves = takes_part & (walls.rate < -walls.rate_noise) & short
-        if not leaves.any():
-            return walls
-        joints = free_to_move(float(run.state["time"][0]), walls, leaves | (takes_part & walls.rests))
-        u = walls.D[joints] @ run.v
-        impulse, _ = solve(walls.W[np.ix_(joints, joints)], -u)
-        run.v[:] += impulse @ walls.motion[joints]
-        columns = np.array([self._column[j] for j in joints])
-        run.sums[0] += walls.drivers[joints] @ impulse
-        run.sums[columns] += impulse
-        run.sums[columns + 2] -= 0.5 * impulse * u  # u becomes 0
-        return self._walls(run)

@@ -26,6 +26,7 @@ VARIABLE = "CRANKSLIDER_CACHE"
 LOCK, LONGEST_S = "compiling.lock", 60.0
 WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 ROOT_USER = 0
+NOT_KEPT = "{}: expected a folder to keep kernels in, got '{}': {}"
 
 
 class FolderRefused(Exception):
@@ -47,27 +48,23 @@ def private_folder() -> Path:
     folder = kernel_folder()
     folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder.mkdir(mode=0o700, exist_ok=True)
-    _require_private(folder)
-    if (
-        not folder.parent.stat().st_mode & stat.S_ISVTX
-    ):  # as /tmp has it: nobody can replace what is another's
-        _require_private(folder.parent, ROOT_USER)
+    checked: dict[Path, tuple[int, ...]] = {folder: ()}
+    if not folder.parent.stat().st_mode & stat.S_ISVTX:  # with it nobody can replace what is another's
+        checked[folder.parent] = (ROOT_USER,)
+    for each, owners in checked.items():
+        status, elsewhere = each.stat(), f"set {VARIABLE} to a folder of your own"
+        if not _is_own(status, *owners):
+            got = f"one of user {status.st_uid}: {elsewhere}"
+        elif status.st_mode & WRITABLE_BY_OTHERS and sys.platform != "win32":  # there permissions say nothing
+            got = f"permissions {stat.S_IMODE(status.st_mode):04o}: run chmod go-w on it, or {elsewhere}"
+        else:
+            continue
+        raise FolderRefused(f"{each}: expected a folder that only you can write to, got {got}")
     return folder
 
 
 def _is_own(status: os.stat_result, *others: int) -> bool:
     return sys.platform == "win32" or status.st_uid in (os.geteuid(), *others)
-
-
-def _require_private(folder: Path, *owners: int) -> None:
-    elsewhere, status = f"set {VARIABLE} to a folder of your own", folder.stat()
-    if not _is_own(status, *owners):
-        got = f"one of user {status.st_uid}: {elsewhere}"
-    elif status.st_mode & WRITABLE_BY_OTHERS and sys.platform != "win32":  # there permissions say nothing
-        got = f"permissions {stat.S_IMODE(status.st_mode):04o}: run chmod go-w on it, or {elsewhere}"
-    else:
-        return
-    raise FolderRefused(f"{folder}: expected a folder that only you can write to, got {got}")
 
 
 def read_kept(name: str) -> bytes | None:
@@ -95,15 +92,14 @@ def write_kept(name: str, data: bytes) -> None:
         FolderRefused: others could replace it.
     """
     try:
-        folder = private_folder()
-        new = folder / f"{name}.{token_hex(8)}"
+        new = private_folder() / f"{name}.{token_hex(8)}"
         try:
             new.write_bytes(_checksum(name, data) + data)
-            new.replace(folder / name)
+            new.replace(new.with_name(name))
         finally:
             new.unlink(missing_ok=True)
     except OSError as error:
-        _say_not_kept(error, "every process makes its own")
+        say_once(NOT_KEPT.format(kernel_folder(), error.strerror or error, "every process makes its own"))
 
 
 def _checksum(name: str, data: bytes) -> bytes:
@@ -133,7 +129,7 @@ def writable_folder() -> Iterator[None]:
         with tempfile.TemporaryFile(dir=private_folder(), buffering=0) as file:
             file.write(bytes(2**16))  # on a full disk an empty file can be made
     except OSError as error:
-        _say_not_kept(error, "a temporary one is used")
+        say_once(NOT_KEPT.format(kernel_folder(), error.strerror or error, "a temporary one is used"))
     else:
         yield
         return
@@ -142,11 +138,6 @@ def writable_folder() -> Iterator[None]:
         patch.dict(os.environ, {VARIABLE: folder}),
     ):
         yield
-
-
-def _say_not_kept(error: OSError, instead: str) -> None:
-    reason = error.strerror or error
-    say_once(f"{kernel_folder()}: expected a folder to keep kernels in, got '{reason}': {instead}")
 
 
 @cache

@@ -11,24 +11,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property, partial
 from itertools import count
 
 import numpy as np
 
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.impacts import rigid_joints, walls_at
-from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, known_numbers
+from reference_solver.impacts import walls_at
+from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, parameters_text
 from reference_solver.mechanism.contacts import gap
-from reference_solver.mechanism.lifting import lifted, tables_in
+from reference_solver.mechanism.lifting import lifted
 from reference_solver.mechanism.mechanism import Mechanism
+from reference_solver.mechanism.motions import PiecewiseCubic, PlacedTable
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, step
 from reference_solver.run import CONTACT_RECORD, GAP_FIELDS, Run
-from reference_solver.tape import Array, FloatArray, Node, Scalar, Tape, Value, array, both, choose
-
-#: Bodies beyond which a step calls ``rates`` and ``project`` in place of having them written out.
-LARGEST_INLINE = 16
+from reference_solver.tape import Array, FloatArray, Node, Scalar, Tape, array, both, choose
 
 
 @dataclass(frozen=True)
@@ -56,11 +54,15 @@ class Topology:
 
     def numbers(self) -> tuple[list[float], list[float]]:
         """Return the mechanism's numbers in the order of ``equations_on``, and those of its tables."""
-        tables, numbers = tables_in(self.mechanism), list[float]()
-        sizes = [len(table.rows) for table in tables]
-        places = (table.placed(sum(sizes[k + 1 :])) for k, table in enumerate(tables))
-        lifted((self.mechanism, self.baumgarte), numbers.append, placed=lambda _: next(places))
-        return numbers, [number for table in tables for number in table.rows]
+        numbers, of_tables = list[float](), list[float]()
+
+        def place(table: PiecewiseCubic) -> PlacedTable:
+            placed = table.placed(len(of_tables))
+            of_tables[:0] = table.rows
+            return placed
+
+        lifted((self.mechanism, self.baumgarte), numbers.append, placed=place)
+        return numbers, of_tables
 
     def equations_on(self, tape: Tape) -> Equations:
         """Return the equations on a tape, with the raw numbers as inputs r0, r1, ..., known before a run."""
@@ -78,8 +80,7 @@ class Topology:
 class Given:
     """What a function of a kernel is given: a topology's equations and a state, in numbers or on a tape.
 
-    ``phases`` (K, 2) are phase and memory of every contact; ``h`` and ``lost`` (2n,) are of a step. A
-    function that is to be called in place of being written out is in ``called``, with what it returns.
+    ``phases`` (K, 2) are phase and memory of every contact; ``h`` and ``lost`` (2n,) are of a step.
     """
 
     topology: Topology
@@ -90,32 +91,11 @@ class Given:
     phases: Array
     h: Scalar = 0.0
     lost: Array | None = None
-    called: dict[str, list[Scalar]] | None = None
 
-    def answer(self, t: Scalar, q: Array, v: Array) -> Answer:
-        """Return the equations' answer."""
-        if self.called is None:
-            return self.equations.answer(t, q, v, self.phases)
-        n, names = self.equations.n, self.equations.power_names
-        rest = self._call("rates", t, q, v)[n:]
-        a, powers, (removed, damper, condition) = rest[:n], rest[n:-3], rest[-3:]
-        by_name = dict(zip(names, powers, strict=True))
-        return Answer(array(a), np.zeros(0), by_name, [], removed, damper, condition)
-
-    def project(self, t: Scalar, q: Array, v: Array) -> tuple[Array, Array, Scalar, Scalar]:
-        """Return q and q' on the constraints, the energy removed, and success."""
-        if self.called is None:
-            return self.equations.project(t, q, v, self.phases)
-        n = self.equations.n
-        new = self._call("project", t, q, v)
-        return array(new[:n]), array(new[n : 2 * n]), new[2 * n], new[-1] < math.inf
-
-    def _call(self, name: str, t: Scalar, q: Array, v: Array) -> list[Scalar]:
-        """Return what a function returns; what it has as a number, it is here too."""
-        assert self.called is not None
-        results = self.called[name]
-        values = self.h.tape.call(name, [t, *q, *v], len(results))
-        return [new if isinstance(x, Value) else x for new, x in zip(values, results, strict=True)]
+    @cached_property
+    def answer(self) -> Answer:
+        """The equations' answer."""
+        return self.equations.answer(self.t, self.q, self.v, self.phases)
 
 
 # ------------------------------------------------------- functions: what they store, and the condition
@@ -126,15 +106,14 @@ def rates(given: Given) -> list[Scalar]:
 
     A projection acts between steps: the rate of what it removes is zero.
     """
-    answer = given.answer(given.t, given.q, given.v)
-    powers = answer.powers.values()
-    slopes = [*given.v, *answer.accelerations, *powers, answer.removed_W]
+    answer = given.answer
+    slopes = [*given.v, *answer.accelerations, *answer.powers.values(), answer.removed_W]
     return [*slopes, answer.damper_per_s, answer.condition]
 
 
 def forces(given: Given) -> list[Scalar]:
     """{lambda} of the mechanism's own rows, then normal force and friction of every contact."""
-    answer = given.answer(given.t, given.q, given.v)
+    answer = given.answer
     normal = [answer.powers[f"normal{k}"] for k in range(len(answer.friction_N))]
     of_contacts = [force for pair in zip(normal, answer.friction_N, strict=True) for force in pair]
     return [*answer.multipliers[: given.equations.own_rows], *of_contacts, answer.condition]
@@ -144,7 +123,7 @@ def project(given: Given) -> list[Scalar]:
     """q and q' on the constraints, and the energy removed; as they are without a projection."""
     if not given.topology.projected:
         return [*given.q, *given.v, 0.0, 1.0]
-    q, v, removed, ok = given.project(given.t, given.q, given.v)
+    q, v, removed, ok = given.equations.project(given.t, given.q, given.v, given.phases)
     return [*q, *v, removed, choose(ok, 1.0, math.inf)]
 
 
@@ -155,8 +134,7 @@ def gaps(given: Given) -> list[Scalar]:
     """
     powers, condition = dict[str, Scalar](), 1.0
     if given.topology.following:
-        answer = given.equations.answer(given.t, given.q, given.v, given.phases)
-        powers, condition = answer.powers, answer.condition
+        powers, condition = given.answer.powers, given.answer.condition
     fields: list[Scalar] = []
     for k, joint in enumerate(given.equations.mechanism.contacts):
         phase, memory = given.phases[k]
@@ -172,15 +150,15 @@ def mobilities(given: Given) -> list[Scalar]:
 
 def walls(given: Given) -> list[Scalar]:
     """What rigid walls have to know (see ``impacts.walls_at``)."""
-    answer = given.equations.answer(given.t, given.q, given.v, given.phases)
-    return [*walls_at(given.equations, answer, given.t, given.q, given.v), answer.condition]
+    walls = walls_at(given.equations, given.answer, given.t, given.q, given.v)
+    return [*walls, given.answer.condition]
 
 
 def stepped(given: Given) -> list[Scalar]:
     """q, q' and sums of the step alone after a step of h, the gaps, 0 for h, and what rounding has taken."""
-    projected = given.project if given.topology.projected else None
-    method, answer, state = given.topology.method, given.answer, (given.t, given.q, given.v)
-    after = step(method, answer, projected, *state, given.h, given.lost)
+    answer = partial(given.equations.answer, phases=given.phases)
+    projected = partial(given.equations.project, phases=given.phases) if given.topology.projected else None
+    after = step(given.topology.method, answer, projected, given.t, given.q, given.v, given.h, given.lost)
     end = replace(given, t=given.t + given.h, q=after.q, v=after.v)
     *fields, condition = gaps(end)
     ok = both(after.ok, condition < math.inf)
@@ -202,33 +180,31 @@ FUNCTIONS: dict[str, Callable[[Given], list[Scalar]]] = {
 
 @dataclass(frozen=True)
 class Program:
-    """The text of a kernel's functions, and what p has: the known nodes that they load."""
+    """The text of a kernel's functions, and how many numbers p has, the known nodes that they load."""
 
     text: str
     names: tuple[str, ...]
-    parameters: tuple[Node, ...]
+    size: int
 
 
 @cache
 def program_of(topology: Topology) -> Program:
     """Return the program of a marked topology; it has ``step`` if the method has no steps of its own."""
-    texts, parameters, results = list[str](), dict[Node, int](), dict[str, list[Scalar]]()
+    texts, parameters = list[str](), dict[Node, int]()
     names = [*FUNCTIONS]
-    if topology.method.embedded:
+    if topology.method.estimates:
         names.remove("step")
-    if topology.following or not rigid_joints(topology.mechanism):
+    if topology.following or not any(joint.rigid for joint in topology.mechanism.contacts):
         names.remove("walls")
-    large = len(topology.mechanism.bodies) > LARGEST_INLINE
     for name in names:
-        tape = Tape()
-        given = given_on(tape, topology, results if large and name == "step" else None)
-        results[name] = FUNCTIONS[name](given)
+        given = given_on(tape := Tape(), topology)
         places = places_of(topology, given.equations)
-        texts.append(FunctionText(name, tape, results[name], places, parameters).text)
-    return Program(HEAD + "".join(texts), tuple(names), tuple(parameters))
+        texts.append(FunctionText(name, tape, FUNCTIONS[name](given), places, parameters).text)
+    texts.append(parameters_text(parameters, lambda name: ("y", int(name[1:]))))
+    return Program(HEAD + "".join(texts), (*names, "parameters"), len(parameters))
 
 
-def given_on(tape: Tape, topology: Topology, called: dict[str, list[Scalar]] | None) -> Given:
+def given_on(tape: Tape, topology: Topology) -> Given:
     """Return a topology's equations and a state on a tape."""
     n, contacts = topology.n, topology.mechanism.contacts
     phases = [
@@ -237,7 +213,7 @@ def given_on(tape: Tape, topology: Topology, called: dict[str, list[Scalar]] | N
     ]
     q, v, lost = tape.inputs("q ", n), tape.inputs("v ", n), tape.inputs("lost ", 2 * n)
     equations, t, h = topology.equations_on(tape), tape.input("t"), tape.input("h 0")
-    return Given(topology, equations, t, q, v, array(phases), h, lost, called)
+    return Given(topology, equations, t, q, v, array(phases), h, lost)
 
 
 def places_of(topology: Topology, equations: Equations) -> Callable[[str], tuple[str, int]]:
@@ -248,9 +224,9 @@ def places_of(topology: Topology, equations: Equations) -> Callable[[str], tuple
 
     def place(name: str) -> tuple[str, int]:
         letters, k = name.split()
-        if letters in fields:
-            return "contacts", len(fields) * int(k) + fields.index(letters)
-        return "y", first[letters] + int(k)
+        if letters in first:
+            return "y", first[letters] + int(k)
+        return "contacts", len(fields) * int(k) + fields.index(letters)
 
     return place
 
@@ -263,35 +239,25 @@ def place_of_h(n: int, sums: int, contacts: int) -> int:
 class Kernel:
     """The functions of a topology, compiled, with p of a mechanism and its start ``q_start`` (n,).
 
-    ``p`` is an address, that of its numbers.
+    ``p`` is an address, that of its numbers; ``functions`` are by their names.
     """
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
         self.topology, program = topology, program_of(topology.marked())
-        self._by_name = compiled_program(program)
+        self.functions = compiled_program(program)
         own, of_tables = topology.numbers()
-        raw = {f"r{k}": x for k, x in enumerate([*own, *q_start])}
-        with np.errstate(all="ignore"):  # a singular mechanism is found in the run
-            numbers = known_numbers(program.parameters, raw)
-        self._numbers = np.array([*of_tables, *numbers], dtype=float)
+        self._numbers = np.array([*of_tables, *np.zeros(program.size)])
         self.p = self._numbers.ctypes.data + 8 * len(of_tables)
+        raw = np.array([*own, *q_start])  # of a singular mechanism infinite numbers come, found in the run
+        self.functions["parameters"](0, 0, 0.0, raw, self._numbers[len(of_tables) :])
 
     def bind(self, run: Run) -> None:
         """Have a run call these functions."""
         run.state["p"] = self.p
-        if "walls" in self._by_name:
+        if "walls" in self.functions:
             run.state["walls_p"] = self.p
-        for name, function in self._by_name.items():
-            run.state["step_function" if name == "step" else name] = function.address
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The functions' names."""
-        return tuple(self._by_name)
-
-    def __getitem__(self, name: str) -> Function:
-        """Return a function by its name."""
-        return self._by_name[name]
+        for name in FUNCTIONS.keys() & self.functions.keys():
+            run.state["step_function" if name == "step" else name] = self.functions[name].address
 
 
 @cache

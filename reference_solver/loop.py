@@ -7,49 +7,11 @@ a kernel's functions are called by address.
 
 import numpy as np
 
-from reference_solver.events import bounce, cut, note, note_largest
+from reference_solver import events, steps
 from reference_solver.machine_code import OPTIONS, call, compiled
 from reference_solver.mechanism.contacts import FLIGHT
-from reference_solver.run import (
-    AT,
-    DENSE,
-    DONE,
-    END,
-    FAILED,
-    FULL,
-    LOG_ROWS,
-    NEW,
-    OLD,
-    SLOPES,
-    SPENT,
-    START,
-    WALL,
-)
-from reference_solver.steps import (
-    CONTROLLED_FLIGHT_PART,
-    KINK_TRIALS,
-    MOST_REJECTIONS,
-    SHORT,
-    Step,
-    any_closed,
-    attempt,
-    changed,
-    gap_of,
-    in_flight,
-    inner,
-    know_slopes,
-    lasting,
-    next_step,
-    place_at,
-    probe,
-    propose,
-    set_gaps,
-    set_slopes,
-    set_stage,
-    set_within,
-    time_at,
-    to_kink,
-)
+from reference_solver.run import AT, DENSE, DONE, END, FAILED, FULL, NEW, OLD, SLOPES, SPENT, START, WALL
+from reference_solver.steps import inner
 
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
@@ -81,7 +43,7 @@ def write(run, rows, contacts, samples, t, of):
 def interpolate(run, rows, method, step, x, parts):
     """Set y of AT to that at x of a step, by the first rows of dense output; of RK4 q by the quintic."""
     if method is None:
-        set_within(run, rows, step.end - run.time, x, run.time)
+        steps.set_within(run, rows, step.end - run.time, x, run.time)
     for c in range(0 if run.controlled != 0 else run.n, run.size):
         change = 0.0
         for i in range(parts - 1, -1, -1):
@@ -99,9 +61,9 @@ def write_within(run, rows, contacts, method, times, samples, step):
     """
     if run.taken == len(times) or times[run.taken] >= step.end:
         return True
-    ok, size, H = know_slopes(run, step.end - run.time), run.size, step.H
-    _, first = time_at(step, step.begin)
-    _, last = time_at(step, step.begin + H)
+    ok, size, H = steps.know_slopes(run, step.end - run.time), run.size, step.H
+    _, first = steps.time_at(step, step.begin)
+    _, last = steps.time_at(step, step.begin + H)
     for c in range(size):
         change = rows[NEW, c] - rows[OLD, c]
         start, stop = H * (first * rows[START, c]), H * (last * rows[END, c])
@@ -110,7 +72,7 @@ def write_within(run, rows, contacts, method, times, samples, step):
     parts = 4
     if method is None:
         interpolate(run, rows, method, step, INSIDE, 3)
-        ok = set_slopes(run, run.time + INSIDE * H, AT, SLOPES) < np.inf and ok
+        ok = steps.set_slopes(run, run.time + INSIDE * H, AT, SLOPES) < np.inf and ok
         for c in range(size):  # x^2 (1 - x)^2 has the slope 4/27 there
             cubic = rows[DENSE, c] + (rows[DENSE + 1, c] + rows[DENSE + 2, c]) / 3.0
             rows[DENSE + 3, c] = 6.75 * (H * rows[SLOPES, c] - cubic)
@@ -119,7 +81,7 @@ def write_within(run, rows, contacts, method, times, samples, step):
         for c in range(size):
             rows[SLOPES, c], rows[SLOPES + stages, c] = first * rows[START, c], last * rows[END, c]
         for row in range(stages + 1, method[0].slopes):
-            ok = set_stage(run, rows, method, step, row) < np.inf and ok
+            ok = steps.set_stage(run, rows, method, step, row) < np.inf and ok
         for i in range(method[0].dense_rows):
             for c in range(size):
                 total = 0.0
@@ -128,32 +90,12 @@ def write_within(run, rows, contacts, method, times, samples, step):
                 rows[DENSE + 3 + i, c] = H * total
     while run.taken < len(times) and times[run.taken] < step.end:
         time = times[run.taken]
-        interpolate(run, rows, method, step, (place_at(step, time) - step.begin) / H, parts)
+        interpolate(run, rows, method, step, (steps.place_at(step, time) - step.begin) / H, parts)
         ok = write(run, rows, contacts, samples, time, AT) and ok
     return ok
 
 
 # -------------------------------------------------------------------------------------------- the loop
-
-
-@inner
-def set_out(run, rows, contacts, method):
-    """Set slopes and gaps where a run, or a part of it, begins; return whether it could.
-
-    Compliant contacts that are closed at the start of a run touch then.
-    """
-    run.known = 0
-    if contacts is not None:
-        set_gaps(run, run.time, OLD)
-        for k in range(len(contacts)):
-            closed = contacts[k].phase == FLIGHT and gap_of(run, rows, OLD, k).g > 0.0
-            if run.time == 0.0 and run.end > 0.0 and contacts[k].rigid == 0.0 and closed:
-                note(run, rows, contacts, 2 * k)
-        probe(run, rows, contacts)  # pins may have begun to follow rigid walls
-    if method is None:
-        return True
-    run.known = 1
-    return set_slopes(run, run.time, OLD, START) < np.inf
 
 
 @inner
@@ -173,10 +115,13 @@ def move_on(run, rows, contacts, method, step, error, event, factor):
     run.time, run.condition = step.end, max(run.condition, run.worst)
     run.error, run.rejected = max(error, 1e-4), 0
     if run.controlled != 0 and event < 0 and step.end < run.end:
-        run.step = next_step(step, factor)
+        reached, H = step.begin + step.H, step.H * factor  # the next step in s, and in time
+        run.step = H if step.sign == 0.0 else abs((2.0 * reached + H) * H)
+        if step.sign < 0.0 and reached + H <= 0.0:  # beyond the release
+            run.step = max(1.5 * reached * reached, factor * steps.lasting(step, 1.0))
         if contacts is not None:
             if run.fresh >= 0:
-                part = lasting(step, factor) / contacts[run.fresh].duration_s
+                part = steps.lasting(step, factor) / contacts[run.fresh].duration_s
                 run.first_part, run.fresh = min(LONGEST_PART, max(SHORTEST_PART, part)), -1
 
 
@@ -188,9 +133,19 @@ def advance(state, rows, contacts, method, knots, times, samples):
     and a sample is written for each of the times up to the end; steps do not depend on them.
     """
     run = state[0]
-    if run.resumed == 0:
-        if not set_out(run, rows, contacts, method):
-            return FAILED
+    if run.resumed == 0:  # a run, or a part of it, begins
+        run.known = 0
+        if contacts is not None:
+            steps.set_gaps(run, run.time, OLD)
+            for k in range(len(contacts)):
+                closed = contacts[k].phase == FLIGHT and steps.gap_of(run, rows, OLD, k).g > 0.0
+                if run.time == 0.0 and run.end > 0.0 and contacts[k].rigid == 0.0 and closed:
+                    events.note(run, rows, contacts, 2 * k)
+            steps.probe(run, rows, contacts)  # pins may have begun to follow rigid walls
+        if method is not None:
+            run.known = 1
+            if not steps.set_slopes(run, run.time, OLD, START) < np.inf:
+                return FAILED
     while True:
         while run.taken < len(times) and times[run.taken] <= run.time + run.slack:
             if not write(run, rows, contacts, samples, run.time, OLD):
@@ -201,36 +156,31 @@ def advance(state, rows, contacts, method, knots, times, samples):
         if run.steps >= run.budget:
             return SPENT
         if contacts is not None:
-            if run.logged >= LOG_ROWS - len(contacts):
+            if run.logged == len(run.events):
                 return FULL
-            if run.located != 0 and run.steps % STEPS_BETWEEN_PROBES == 0 and any_closed(contacts):
-                probe(run, rows, contacts)
-        step, releasing = propose(run, rows, contacts, method, knots)
-        error, t = attempt(run, rows, contacts, method, step, 1.0), run.time
-        if knots is not None:
-            for _ in range(KINK_TRIALS):
-                short = 0.0 if run.controlled != 0 else SHORT * run.longest
-                landed = to_kink(run, rows, knots, step.end - t, run.end - t, short)
-                end = t + landed
-                if landed == step.end - t or not (error <= 1.0 and end > t):
-                    break
-                step = Step(step.origin, step.sign, step.begin, place_at(step, end) - step.begin, end)
-                releasing = -1
-                error = attempt(run, rows, contacts, method, step, 1.0)
-        event, place, factor, longer = -1, 1.0, changed(run, method, error), step
+            closed = 0
+            for k in range(len(contacts)):
+                closed += contacts[k].phase != FLIGHT
+            if run.located != 0 and run.steps % STEPS_BETWEEN_PROBES == 0 and closed > 0:
+                steps.probe(run, rows, contacts)
+        step, releasing = steps.propose(run, rows, contacts, method, knots)
+        error, t = steps.attempt(run, rows, contacts, method, step, 1.0), run.time
+        event, place, factor, longer = -1, 1.0, steps.changed(run, method, error), step
         if contacts is not None:
             if error <= 1.0:
                 if method is not None:
-                    reach = in_flight(run, rows, contacts, NEW, step.end - t, CONTROLLED_FLIGHT_PART)
+                    reach = steps.in_flight(
+                        run, rows, contacts, NEW, step.end - t, steps.CONTROLLED_FLIGHT_PART
+                    )
                     error = np.inf if reach < 0.5 * (step.end - t) else error
-                    factor = changed(run, method, error)
+                    factor = steps.changed(run, method, error)
             if error <= 1.0:
-                step, event, place = cut(run, rows, contacts, method, step, releasing)
+                step, event, place = events.cut(run, rows, contacts, method, step, releasing)
                 if np.isnan(step.end):
-                    error, step, factor = np.inf, Step(t, 0.0, 0.0, longer.end - t, longer.end), 0.5
+                    error, step, factor = np.inf, steps.Step(t, 0.0, 0.0, longer.end - t, longer.end), 0.5
         if not error <= 1.0:
-            run.step, run.rejected = lasting(step, factor), run.rejected + 1
-            if not t + run.step > t or run.rejected >= MOST_REJECTIONS:
+            run.step, run.rejected = steps.lasting(step, factor), run.rejected + 1
+            if not t + run.step > t or run.rejected >= steps.MOST_REJECTIONS:
                 return FAILED
             continue
         run.steps += 1
@@ -238,14 +188,14 @@ def advance(state, rows, contacts, method, knots, times, samples):
             if not write_within(run, rows, contacts, method, times, samples, step):
                 return FAILED
             if contacts is not None:
-                note_largest(run, rows, contacts, step.end - t)
+                events.note_largest(run, rows, contacts, step.end - t)
             move_on(run, rows, contacts, method, step, error, event, factor)
         if contacts is not None:
             if event >= 0:
                 if contacts[event // 2].rigid == 0.0:
-                    note(run, rows, contacts, event)
-                elif not bounce(run, rows, contacts, event // 2):
+                    events.note(run, rows, contacts, event)
+                elif not events.bounce(run, rows, contacts, event // 2):
                     run.wall, run.resumed = event // 2, 0
                     return WALL
-                if run.controlled != 0 and not set_slopes(run, run.time, OLD, START) < np.inf:
+                if run.controlled != 0 and not steps.set_slopes(run, run.time, OLD, START) < np.inf:
                     return FAILED

@@ -12,103 +12,43 @@ processor and the version of LLVM.
 import ctypes
 import ctypes.util
 import hashlib
+import math
 import platform
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from functools import cache
+from collections.abc import Callable, Iterable
+from contextlib import nullcontext
+from functools import cache, partial
 from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar, cast
+from unittest.mock import patch
 
 import llvmlite.binding as llvm
 import numba
 import numpy as np
 from llvmlite import ir
-from numba import float64, int64
+from numba import float64, int64, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from reference_solver.kept_files import FolderRefused, alone, private_folder, read_kept, write_kept
-from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value, needs_of
+from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 #: How Numba compiles what calls such functions.
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
+ARRAY = types.CPointer(float64)
 ARGUMENTS = "ptr noalias readonly %p, ptr noalias readonly %contacts, double %t, ptr noalias readonly %y"
-BINARY = {"+": "fadd contract", "-": "fsub contract", "*": "fmul contract", "/": "fdiv contract"}
+BINARY = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
 COMPARED = {">": "ogt", "==": "oeq"}
 #: Functions of one number and of two, by their names on tapes.
 OF_ONE = {"cos": "cos", "sin": "sin", "tanh": "tanh", "sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64"}
 OF_TWO = {"pow": "pow", "copysign": "llvm.copysign.f64"}
-#: Those of the system's library.
-LIBRARY = ("cos", "sin", "tanh", "pow")
-#: ``tables.piece``: the row of a table that x is in by halving; out gets x from its begin on, and the row.
-PIECE = """
-declare double @llvm.floor.f64(double)
-
-define internal double @piece(ptr %p, double %place, double %pieces, double %period, double %of, ptr %out) {
-entry:
-  %first = fptosi double %place to i64
-  %last = fptosi double %pieces to i64
-  %table = getelementptr double, ptr %p, i64 %first
-  %begin = load double, ptr %table
-  %repeats = fcmp ogt double %period, 0.0
-  %since = fsub double %of, %begin
-  %periods = fdiv double %since, %period
-  %whole = call double @llvm.floor.f64(double %periods)
-  %gone = fmul double %period, %whole
-  %reduced = fsub double %of, %gone
-  %x = select i1 %repeats, double %reduced, double %of
-  br label %search
-search:
-  %low = phi i64 [ 0, %entry ], [ %new_low, %halve ]
-  %high = phi i64 [ %last, %entry ], [ %new_high, %halve ]
-  %apart = sub i64 %high, %low
-  %more = icmp sgt i64 %apart, 1
-  br i1 %more, label %halve, label %found
-halve:
-  %sum = add i64 %low, %high
-  %middle = sdiv i64 %sum, 2
-  %middle_place = mul i64 %middle, 5
-  %middle_at = getelementptr double, ptr %table, i64 %middle_place
-  %middle_begin = load double, ptr %middle_at
-  %below = fcmp olt double %x, %middle_begin
-  %new_low = select i1 %below, i64 %low, i64 %middle
-  %new_high = select i1 %below, i64 %middle, i64 %high
-  br label %search
-found:
-  %row_place = mul i64 %low, 5
-  %row = getelementptr double, ptr %table, i64 %row_place
-  %row_begin = load double, ptr %row
-  %s = fsub double %x, %row_begin
-  store double %s, ptr %out
-  %coefficients = getelementptr double, ptr %row, i64 1
-  %rest = getelementptr double, ptr %out, i64 1
-  call void @llvm.memcpy.p0.p0.i64(ptr %rest, ptr %coefficients, i64 32, i1 false)
-  ret double 0.0
-}
-declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)
-"""
+#: What texts begin with: the functions that they may call.
 HEAD = "".join(f"declare double @{name}(double)\n" for name in OF_ONE.values())
-HEAD += "".join(f"declare double @{name}(double, double)\n" for name in OF_TWO.values()) + PIECE
-#: Operations on known numbers.
-OPERATIONS: Mapping[str, Callable[..., Any]] = {
-    "+": np.add,
-    "-": np.subtract,
-    "*": np.multiply,
-    "/": np.divide,
-    "pow": np.power,
-    "cos": np.cos,
-    "sin": np.sin,
-    "tanh": np.tanh,
-    "sqrt": np.sqrt,
-    "abs": np.abs,
-    "copysign": np.copysign,
-    "max": max,
-    "min": min,
-}
+HEAD += "".join(f"declare double @{name}(double, double)\n" for name in OF_TWO.values())
+HEAD += "declare double @piece(ptr, double, double, double, double, ptr)\n"
 
 
 def number(x: float) -> str:
@@ -120,6 +60,7 @@ class FunctionText:
     """The text of a function that stores results of a tape in ``out`` and returns the last of them.
 
     ``places`` are array and place of every input but t; ``parameters`` gets the places in p of known nodes.
+    Without it these are computed, with no sum and product rounded as one.
     """
 
     def __init__(
@@ -128,7 +69,7 @@ class FunctionText:
         tape: Tape,
         results: list[Scalar],
         places: Callable[[str], tuple[str, int]],
-        parameters: dict[Node, int],
+        parameters: dict[Node, int] | None,
     ) -> None:
         self._lines, self._reserved, self._block = list[str](), list[str](), "entry"
         self._places, self._parameters, self._new = places, parameters, count()
@@ -159,12 +100,6 @@ class FunctionText:
     def _at(self, array: str, place: int) -> str:
         return self._line(f"getelementptr double, ptr {array}, i64 {place}") if place else array
 
-    def _reserve(self, size: int) -> str:
-        """Return the name of memory for so many numbers on the stack."""
-        name = f"%x{next(self._new)}"
-        self._reserved.append(f"{name} = alloca double, i64 {size}")
-        return name
-
     def _text(self, operand: Scalar) -> str:
         """Return the text of a value, a number or a condition."""
         if isinstance(operand, bool):
@@ -179,8 +114,9 @@ class FunctionText:
     def _of(self, node: Node) -> str:
         """Write a node; return its text."""
         kind, operands = node.operation, node.operands
-        if node.known:
-            return self._load("%p", self._parameters.setdefault(node, len(self._parameters)))
+        known = self._parameters
+        if node.known and known is not None:
+            return self._load("%p", known.setdefault(node, len(known)))
         if kind == "input":
             name = operands[0]
             if name == "t":
@@ -192,7 +128,8 @@ class FunctionText:
             return self._load(self._memory[call], k)
         texts = [self._text(operand) for operand in operands]
         if kind in BINARY:
-            return self._line(f"{BINARY[kind]} double {texts[0]}, {texts[1]}")
+            flag = "" if known is None else "contract "
+            return self._line(f"{BINARY[kind]} {flag}double {texts[0]}, {texts[1]}")
         if kind in COMPARED:
             return self._line(f"fcmp {COMPARED[kind]} double {texts[0]}, {texts[1]}")
         if kind == "&":
@@ -218,19 +155,12 @@ class FunctionText:
                 self._texts[node] = self._of(node)
 
     def _call(self, node: Node) -> None:
-        """Write a call: of ``piece`` with numbers, of another function with t and y in memory."""
+        """Write a call with numbers of a function that stores its results."""
         name, results, *operands = node.operands
-        if name == "piece":
-            arguments = [f"double {self._text(operand)}" for operand in operands]
-        else:
-            memory = self._reserve(len(operands) - 1)
-            for place, operand in enumerate(operands[1:]):
-                self._store(operand, memory, place)
-            arguments = ["ptr %contacts", f"double {self._text(operands[0])}", f"ptr {memory}"]
-        self._memory[node] = out = self._reserve(results)
-        condition = self._line(f"call double @{name}(ptr %p, {', '.join(arguments)}, ptr {out})")
-        if name != "piece":  # its last result is what it returns
-            self._lines.append(f"store double {condition}, ptr {self._at(out, results - 1)}")
+        self._memory[node] = out = f"%x{next(self._new)}"
+        self._reserved.append(f"{out} = alloca double, i64 {results}")  # on the stack
+        arguments = "".join(f"double {self._text(operand)}, " for operand in operands)
+        self._line(f"call double @{name}(ptr %p, {arguments}ptr {out})")
 
     def _branch(self, node: Node) -> None:
         """Write a branch; its results are 0 behind it where it was not taken."""
@@ -247,36 +177,29 @@ class FunctionText:
             self._texts[n] = self._line(f"phi double [ {text}, %{end} ], [ {number(0.0)}, %{before} ]")
 
 
+def parameters_text(parameters: Iterable[Node], places: Callable[[str], tuple[str, int]]) -> str:
+    """Return the text of a function of this name that stores what known nodes are, by their inputs."""
+    tape = Tape()
+    results = [Value(tape, node) for node in parameters]
+    return FunctionText("parameters", tape, [*results, 1.0], places, None).text
+
+
 def needed(tape: Tape, results: Iterable[Scalar]) -> dict[Node, None]:
     """Return the nodes of a tape that results need, those that are known without what they need in turn."""
     found = {result.node: None for result in results if isinstance(result, Value)}
     for node in reversed(tape.nodes):
-        if node in found and not node.known:
-            for operand in needs_of(node):
-                inner = operand.node if isinstance(operand, Value) else operand
-                if isinstance(inner, Node):
-                    found[inner] = None
+        if node not in found or node.known:
+            continue
+        operands = node.operands
+        if node.operation == "branch":
+            operands = operands[:1]
+        elif node.operation == "result" and operands[0].operation == "branch":  # of its outputs this alone
+            operands = operands[0], operands[0].operands[1][operands[1]]
+        for operand in operands:
+            inner = operand.node if isinstance(operand, Value) else operand
+            if isinstance(inner, Node):
+                found[inner] = None
     return found
-
-
-def known_numbers(nodes: Iterable[Node], raw: Mapping[str, float]) -> list[float]:
-    """Return the numbers that known nodes are, by those of their inputs."""
-    numbers = dict[Node, Any]()
-
-    def at(node: Node) -> Any:
-        if node not in numbers:
-            if node.operation == "input":
-                numbers[node] = np.float64(raw[node.operands[0]])
-            else:
-                numbers[node] = OPERATIONS[node.operation](*map(of, node.operands))
-        return numbers[node]
-
-    def of(operand: Scalar) -> Any:
-        if not isinstance(operand, Value):
-            return np.float64(operand)
-        return -at(operand.node) if operand.minus else at(operand.node)
-
-    return [float(at(node)) for node in nodes]
 
 
 @cache
@@ -285,16 +208,8 @@ def prepare() -> None:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     library = ctypes.CDLL("ucrtbase" if platform.system() == "Windows" else ctypes.util.find_library("m"))
-    for name in LIBRARY:
+    for name in {*OF_ONE, *OF_TWO} & {*OF_ONE.values(), *OF_TWO.values()}:
         llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
-
-
-def target_machine() -> Any:
-    """Return LLVM's compiler for this processor: an engine takes it over."""
-    prepare()
-    features = llvm.get_host_cpu_features().flatten()
-    target = llvm.Target.from_default_triple()
-    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=3, jit=True)
 
 
 class Function:
@@ -329,13 +244,18 @@ def compile_text(text: str, names: Iterable[str]) -> dict[str, Function]:
     Raises:
         FolderRefused: others could have written what was before.
     """
-    machine = target_machine()
-    what = repr((text, llvm.llvm_version_info, machine.triple, llvm.get_host_cpu_name()))
+    prepare()
+    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    target = llvm.Target.from_default_triple()
+    machine = target.create_target_machine(cpu=cpu, features=features, opt=3, jit=True)
+    what = repr((text, llvm.llvm_version_info, machine.triple, cpu))
     name = f"kernel-{hashlib.sha256(what.encode()).hexdigest()[:32]}.o"
     code = read_kept(name)
     if code is None:
         code = machine.emit_object(llvm.parse_assembly(text))
         write_kept(name, code)
+    if "call double @piece(" in text:
+        llvm.add_symbol("piece", piece().address)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
@@ -345,36 +265,25 @@ def compile_text(text: str, names: Iterable[str]) -> dict[str, Function]:
 # --------------------------------------------------------------------- functions that Numba compiles
 
 
-def compiled(kinds: str | None = None, **options: Any) -> Callable[[F], F]:
-    """Return what has Numba compile a function, its machine code kept: now if its arguments' kinds are given,
-    otherwise when it is first called."""
+def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: Any) -> Callable[[F], F]:
+    """Return what has Numba compile a function, its machine code kept if it can be.
+
+    It does so now, one process at a time, if its arguments' kinds are given, else when it is first called.
+    Numba's own cache knows nothing of other modules' functions in it: so its folder is named by the sources
+    of the function's package and this one.
+    """
 
     def decorate(function: F) -> F:
-        with code_folder(function) as kept, alone():
-            return cast(F, numba.njit(kinds, **options, cache=kept)(function))
+        package = Path(str(sys.modules[function.__module__.partition(".")[0]].__file__)).parent
+        given = (kinds,) if kinds else ()
+        try:
+            folder = private_folder() / f"numba-{digest_of(package)}"
+        except (FolderRefused, OSError):
+            return cast(F, by(*given, **options)(function))
+        with patch.object(numba.config, "CACHE_DIR", str(folder)), alone() if kinds else nullcontext():
+            return cast(F, by(*given, **options, cache=True)(function))
 
     return decorate
-
-
-@contextmanager
-def code_folder(function: Callable[..., Any]) -> Iterator[bool]:
-    """Have Numba keep machine code of a function that it is told of in this block; yield whether it can.
-
-    Its own cache knows nothing of other modules' functions in it: so its folder is named by the sources of
-    the function's package and this one.
-    """
-    package = sys.modules[function.__module__.partition(".")[0]]
-    usual = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    try:
-        folder = private_folder() / f"numba-{digest_of(Path(str(package.__file__)).parent)}"
-    except (FolderRefused, OSError):
-        yield False
-        return
-    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
-    try:
-        yield True
-    finally:
-        numba.config.CACHE_DIR = usual  # type: ignore[attr-defined]
 
 
 @cache
@@ -382,3 +291,28 @@ def digest_of(folder: Path) -> str:
     """Return a hash of the sources of a package and this one."""
     sources = sorted({*folder.rglob("*.py"), *Path(__file__).parent.rglob("*.py")})
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
+
+
+@cache
+def piece() -> Any:
+    """Return the function that looks a table up, for the tapes' calls of this name."""
+
+    @compiled(by=partial(numba.cfunc, float64(ARRAY, *[float64] * 4, ARRAY)))
+    def look_up(p, place, pieces, period, x, out):  # type: ignore[no-untyped-def]
+        """Store in ``out`` x from the begin of its piece on, and the row that the piece has at p + place."""
+        first, low, high = int(place), 0, int(pieces)
+        if period > 0.0:
+            x -= period * math.floor((x - p[first]) / period)
+        while high - low > 1:
+            middle = (low + high) // 2
+            if x < p[first + 5 * middle]:
+                high = middle
+            else:
+                low = middle
+        row = first + 5 * low
+        out[0] = x - p[row]
+        for k in range(1, 5):
+            out[k] = p[row + k]
+        return 0.0
+
+    return look_up

@@ -18,9 +18,8 @@ DONE, SPENT, FULL, FAILED, WALL = range(5)
 #: tolerances of y, 0 of the sums; memory; from DENSE on coefficients of dense output, and from SLOPES on the
 #: slopes of stages, at the end, and what dense output takes beside them.
 OLD, NEW, AT, START, END, WEIGHT, SPARE, DENSE = range(8)
-#: Slopes and rows of dense output at the most, DOP853's; events in the log, and fields of what the kernel's
-#: ``walls`` says of a rigid joint.
-MOST_SLOPES, MOST_DENSE, LOG_ROWS, WALL_FIELDS = 16, 4, 256, 7
+#: Slopes and rows of dense output at the most, DOP853's; and events in the log.
+MOST_SLOPES, MOST_DENSE, LOG_ROWS = 16, 4, 256
 SLOPES = DENSE + 3 + MOST_DENSE
 
 #: A contact row that is this small a part of itself once the ideal joints are eliminated depends on them.
@@ -70,9 +69,8 @@ CONTACT_RECORD = np.dtype(
     )
 )
 
-#: What an event is: a touch, a release, the force clipped, the force back; a rebound from a rigid wall, and
-#: what a pin that follows its wall passes on of it.
-TOUCH, RELEASE, CLIP, RESUME, REBOUND, SUPPORT = 1, -1, 2, 3, 4, 5
+#: What an event is: a touch, a release, the force clipped, the force back, a rebound from a rigid wall.
+TOUCH, RELEASE, CLIP, RESUME, REBOUND = 1, -1, 2, 3, 4
 #: An event: contact, and what it is; rate of g, penetration; of the contact that was until then its begin and
 #: approach speed, largest force and penetration with their times, impulse and losses; of a rebound the
 #: effective mass.
@@ -84,10 +82,10 @@ EVENT_RECORD = np.dtype(
 
 #: Where a run is, and how it steps. In floats: time, end, the longest step, steps per contact; tolerance, the
 #: mechanism's length in m and rate in 1/s, the next step and that of the last flight, a contact's first step
-#: as a part of its duration, the last error over the tolerance; the worst condition so
-#: far, the least at a sample, and worst and least of the step tried last, with its length; how far a sample
-#: may be past a step's end; and the flights between rigid walls that are not followed: shorter than so many
-#: seconds, or no higher than so many times the distance's round-off. In integers: coordinates, numbers in y,
+#: as a part of its duration, the last error over the tolerance; the worst condition so far, the least at a
+#: sample, and worst and least of the step tried last, with its length; how far a sample may be past a step's
+#: end; and flights between rigid walls that are not followed: shorter than so many seconds, or no higher than
+#: so many times the distance's round-off. In integers: coordinates, numbers in y,
 #: rigid joints and rows of ``impacts.walls_at``; whether steps go by their error, events are located, slopes
 #: at both ends of a step are known, and a call goes on where the last one ended; steps, their limit, samples
 #: and events so far, steps landed on when all are of one length, rejections in a row, the contact that has
@@ -108,9 +106,8 @@ RUN_RECORD = np.dtype(
     ]
 )
 
-#: A method with an error estimate, its arrays filled up with zeros (see ``methods.Embedded``): one over its
-#: order, numbers of stages, of slopes, and of rows of dense output. Nodes and matrix are those of all slopes:
-#: of its stages, at the step's end, and for dense output.
+#: A method with an error estimate, its arrays filled up with zeros (see ``methods.Method``): one over its
+#: order, numbers of stages, of slopes, and of rows of dense output.
 METHOD_RECORD = np.dtype(
     [
         *record("exponent", "stages slopes dense_rows"),
@@ -122,9 +119,24 @@ METHOD_RECORD = np.dtype(
     ]
 )
 
-#: An angle in rad, modulo a period, at which a load by a body's angle is not smooth, the coordinate, and
-#: whether its first derivative jumps there: 1 of a kink, on which steps end to round-off, else 0.
-KNOT_RECORD = np.dtype(record("angle period", "coordinate kink"))
+#: An angle in rad, modulo a period, at which a load by a body's angle is not smooth, and the coordinate.
+KNOT_RECORD = np.dtype(record("angle period", "coordinate"))
+
+
+#: Of R rigid joints, (R,) each: their ``Separation``, the mobility along the normal that free bodies would
+#: have, in 1/kg, and friction as a part of the normal force.
+OF_WALLS = "distance", "rate", "turning", "noise", "rate_noise", "bare", "share"
+
+
+def wall_record(R: int, S: int, n: int) -> np.dtype[np.void]:
+    """Return what R joints with rigid walls are at a state, no pin following: how they answer to impulses.
+
+    They push along S rows ``D`` (S, n) of {q'}: of every joint the inward normal speed, then of those with
+    friction the tangential one. ``motion`` (S, n) are {q'} per unit of each impulse, ``W`` (S, S) speeds
+    along all rows, ``drivers`` (S,) the work of the drivers; ``free`` (n,) are the accelerations.
+    """
+    sizes = {"D": (S, n), "motion": (S, n), "W": (S, S), "drivers": (S,), "free": (n,)}
+    return np.dtype([(name, float, size) for name, size in (dict.fromkeys(OF_WALLS, (R,)) | sizes).items()])
 
 
 class Impact(NamedTuple):
@@ -194,7 +206,7 @@ def new_run(
     sums: list[str],
     sizes: tuple[int, int],
     times: FloatArray,
-    knots: Sequence[tuple[float, float, int, int]] = (),
+    knots: Sequence[tuple[float, float, int]] = (),
 ) -> Run:
     """Return a run of zeros by a method, pins in flight; a kernel has to be bound to it.
 
@@ -205,7 +217,7 @@ def new_run(
     size, gaps = 2 * n + len(sums), GAP_FIELDS * K
     rigid = [joint for joint in joints if joint.rigid]
     wall_rows = len(rigid) + sum(joint.friction is not None for joint in rigid)
-    of_walls = WALL_FIELDS * len(rigid) + wall_rows * (2 * n + wall_rows + 1) + n if rigid else 0
+    of_walls = wall_record(len(rigid), wall_rows, n).itemsize // 8 if rigid else 0
     rows = np.zeros((SLOPES + MOST_SLOPES, max(size + gaps + 1 + 2 * n, 3 * K, of_walls)))
     samples = np.zeros((len(times), size + multipliers + 4 * K))
     for k, (contact, joint) in enumerate(zip(contacts, joints, strict=True)):
@@ -233,16 +245,14 @@ def new_run(
 
 def record_of(method: Method) -> RecordArray | None:
     """Return a method with an error estimate as ``METHOD_RECORD`` (1,), None of another."""
-    embedded, records = method.embedded, np.zeros(1, METHOD_RECORD)
-    if embedded is None:
+    if not method.estimates:
         return None
-    stages, (record,) = len(method.weights), records
-    record["exponent"], record["stages"] = 1.0 / method.order, stages
-    record["slopes"], record["dense_rows"] = embedded.slopes, len(embedded.dense)
-    record["nodes"][: embedded.slopes] = (*method.nodes, 1.0, *embedded.nodes)
-    record["weights"][:stages] = method.weights
-    matrix = (*method.matrix, method.weights, *embedded.matrix)
-    for name, rows in (("matrix", matrix), ("estimates", embedded.estimates), ("dense", embedded.dense)):
-        for k, row in enumerate(rows):
+    records, count, stages = np.zeros(1, METHOD_RECORD), len(method.nodes), len(method.weights)
+    (record,) = records
+    record["exponent"], record["stages"], record["slopes"] = 1.0 / method.order, stages, count
+    record["nodes"][:count], record["weights"][:stages] = method.nodes, method.weights
+    record["dense_rows"] = len(method.dense)
+    for name in ("matrix", "estimates", "dense"):
+        for k, row in enumerate(getattr(method, name)):
             record[name][k, : len(row)] = row
     return records

@@ -9,7 +9,7 @@ from reference_solver.impacts import Impacts, ModeChange
 from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.run import REBOUND, RELEASE, SUPPORT, Impact, Run
+from reference_solver.run import REBOUND, RELEASE, Impact, Run
 from reference_solver.tape import FloatArray, RecordArray
 
 #: What a contact dissipates by (see ``contacts.rates_of``).
@@ -35,11 +35,10 @@ class Solution:
     "slidek" by friction; "removed" is what the stabilisation has removed, negative where it has added some:
     by projection or by Baumgarte's feedback (see ``Equations``).
 
-    ``events`` (E,) is the log (see ``run.EVENT_RECORD``) of compliant contacts, ``impacts`` are in
-    the order of the contacts' ends; ``mode_changes`` are those of pins on rigid walls; ``steps`` counts all
-    steps taken, and ``solve_time_s`` is the wall time of the loops that took them. ``condition`` is the worst
-    condition number of the constraints at any stage of a step, as ``factorisation.Factors`` has it: round-off
-    and errors of a stage may be amplified by it in {lambda}, by its square root in {q''}.
+    ``events`` (E,) is the log of compliant contacts (see ``run.EVENT_RECORD``), ``impacts`` are in the order
+    of the contacts' ends, ``mode_changes`` are those of pins on rigid walls; ``steps`` counts all steps,
+    taken in ``solve_time_s``. ``condition`` is the constraints' worst at any stage of a step (see
+    ``factorisation.Factors``): it may amplify round-off in {lambda}, by its square root in {q''}.
     """
 
     mechanism: Mechanism
@@ -59,16 +58,6 @@ class Solution:
     condition: float = 1.0
 
     @property
-    def constraint_work_J(self) -> FloatArray:
-        """Return the work of the drivers, (s,): none where nobody adds up their power, as at speed 0."""
-        return self.sums.get("drivers", np.zeros(len(self.time_s)))
-
-    @property
-    def stabilisation_loss_J(self) -> FloatArray:
-        """Return the energy that the stabilisation has removed, (s,)."""
-        return self.sums["removed"]
-
-    @property
     def closed(self) -> NDArray[np.bool_]:
         """Return which pins touch their walls, (s, K)."""
         return np.asarray(self.phases[..., 0] != FLIGHT)
@@ -82,14 +71,6 @@ class Solution:
             bearing, pin = ends_of(joint, state)
             gaps[:, k] = pin.place.T - bearing.place.T
         return gaps
-
-    @property
-    def joint_force_N(self) -> FloatArray:
-        """Return the bearing's force on the pin, (s, K, 2): -normal n + friction t with n along d."""
-        d = self.gap_m
-        n = d / np.where(self.closed, np.hypot(d[..., 0], d[..., 1]), 1.0)[..., None]
-        t = np.stack([-n[..., 1], n[..., 0]], axis=-1)
-        return np.asarray(self.friction_force_N[..., None] * t - self.normal_force_N[..., None] * n)
 
     def impacts_of(self, contact: int) -> list[Impact]:
         """Return the impacts of one contact, in the order of time."""
@@ -114,7 +95,13 @@ def solution_of(
     sizes = n, n, len(names), samples.shape[1] - 2 * (n + pairs) - len(names), pairs, pairs
     ends = np.cumsum(sizes)[:-1].tolist()
     q, v, sums, multipliers, forces, phases = map(np.ascontiguousarray, np.split(samples, ends, axis=1))
-    happened = impacts_in(events)
+    happened, nan = list[Impact](), np.nan
+    ended = events[np.isin(events["what"], (RELEASE, REBOUND))]
+    for t, k, what, speed, impulse, lost, mass, began, *largest in ended[ENDED].tolist():
+        if what == RELEASE:
+            happened.append(Impact(began, k, "contact", t - began, speed, impulse, nan, lost, nan, *largest))
+        else:
+            happened.append(Impact(t, k, "impact", 0.0, speed, impulse, 0.0, lost, mass))
     if walls is not None:
         happened = sorted([*happened, *walls.impacts], key=lambda i: i.time_s + i.duration_s)
     return Solution(
@@ -134,16 +121,3 @@ def solution_of(
         solve_time_s=took_s,
         condition=float(state["condition"]),
     )
-
-
-def impacts_in(events: RecordArray) -> list[Impact]:
-    """Return the compliant contacts that are over and the rebounds from rigid walls, of a log (E,)."""
-    impacts, nan = list[Impact](), np.nan
-    ended = events[np.isin(events["what"], (RELEASE, REBOUND, SUPPORT))]
-    for t, k, what, speed, impulse, lost, mass, began, *largest in ended[ENDED].tolist():
-        if what == RELEASE:
-            impacts.append(Impact(began, k, "contact", t - began, speed, impulse, nan, lost, nan, *largest))
-        else:
-            kind = "impact" if what == REBOUND else "support"
-            impacts.append(Impact(t, k, kind, 0.0, speed, impulse, 0.0, lost, mass))
-    return impacts

@@ -18,19 +18,7 @@ from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853, dopri5, step
-from reference_solver.run import (
-    DONE,
-    FAILED,
-    FULL,
-    OLD,
-    SPENT,
-    START,
-    WALL,
-    WEIGHT,
-    Gap,
-    Run,
-    new_run,
-)
+from reference_solver.run import DONE, FAILED, FULL, OLD, SPENT, START, WALL, WEIGHT, Gap, Run, new_run
 from reference_solver.solution import Solution, solution_of
 from reference_solver.tape import FloatArray, RecordArray
 
@@ -40,8 +28,9 @@ if TYPE_CHECKING:  # it brings Numba, which takes a moment
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
-#: Flights between rigid walls that are no higher than so many times the distance's round-off are never seen.
-LOWEST_FLIGHT = 2.0
+#: Flights between rigid walls that are no higher than so many times the distance's round-off are never seen;
+#: nor does RK4 see those shorter than this part of its longest step.
+LOWEST_FLIGHT, SHORTEST_FLIGHT = 2.0, 1e-3
 #: The methods of error control, of orders 8 and 5.
 METHODS = {"dop853": dop853, "dopri5": dopri5}
 #: Largest violation of the constraints accepted at t = 0 in m and rad, and, per unit of speed, in velocity.
@@ -65,22 +54,19 @@ class StepChoice:
 
     Without ``locate_events`` every step has the length ``longest_s`` and a contact begins and ends with a
     step: the plain algorithm, for comparison. Pins before rigid walls bounce until a flight would be shorter
-    than the part ``closing_flight_fraction`` of the longest step (see ``impacts``); or, where
-    ``lowest_flight`` is given, to heights of so many times the distance's round-off.
+    than a part of the longest step (see ``impacts``); or, where ``lowest_flight`` is given, to heights of so
+    many times the distance's round-off.
     """
 
     longest_s: float
     steps_per_contact: float = 100.0
     locate_events: bool = True
-    closing_flight_fraction: float = 1e-3
     lowest_flight: float | None = None
 
     def at(self, longest_s: float) -> "StepChoice":
         """Return both rates in proportion, at another longest step."""
-        per_contact = self.steps_per_contact * self.longest_s / longest_s
-        return replace(
-            self, longest_s=longest_s, steps_per_contact=max(FEWEST_STEPS_PER_CONTACT, per_contact)
-        )
+        per_contact = max(FEWEST_STEPS_PER_CONTACT, self.steps_per_contact * self.longest_s / longest_s)
+        return replace(self, longest_s=longest_s, steps_per_contact=per_contact)
 
 
 @dataclass(frozen=True)
@@ -172,7 +158,7 @@ class Solver:
         run = new_run(self._method, self._joints, self._names, (n, m), times, knots)
         kernel.bind(run)
         run.q[:], run.v[:] = q, v
-        kernel["rates"](kernel.p, run.contacts.ctypes.data, 0.0, run.rows[OLD], run.rows[START])
+        kernel.functions["rates"](kernel.p, run.contacts.ctypes.data, 0.0, run.rows[OLD], run.rows[START])
         (state,), choice = run.state, self._choice
         scales = scales_of(self._mechanism, run.q, run.v, run.rows[START, n : 2 * n], end_time_s)
         length, rate = state["length"], state["rate"] = scales.length_m, scales.rate_s
@@ -189,11 +175,9 @@ class Solver:
         else:
             state["per_contact"] = choice.steps_per_contact
             state["located"] = bool(self._joints) and choice.locate_events
-            shortest_s = choice.closing_flight_fraction * choice.longest_s
+            shortest_s = SHORTEST_FLIGHT * choice.longest_s
             if not state["located"]:  # all steps have one length, of which the interval is a multiple
-                intervals = max(
-                    1, round(end_time_s / interval_s)
-                )  # the step is the same for all that it fits
+                intervals = max(1, round(end_time_s / interval_s))
                 steps = intervals * np.ceil(interval_s / choice.longest_s * (1 - 1e-9))
                 state["longest"] = (end_time_s or interval_s) / steps
                 state["slack"] = SLACK * state["longest"]
@@ -237,7 +221,7 @@ class Solver:
         """Raise LimitPosition where a drive could not go on."""
         taken, q = int(run.state["taken"][0]), run.samples[:, : len(run.q)]
         if (limit_s := self._equations.limit_s(run.times, q, taken)) is not None:
-            raise failures.LimitPosition(limit_s) from cause
+            raise failures.LimitPosition(time_s=limit_s) from cause
 
     def _run(self, run: Run, end_time_s: float, tell: Callable[[float], None] | None) -> Solution:
         """Take a run to its end, part by part, and hold it to its energy."""
@@ -246,8 +230,7 @@ class Solver:
         knots = (t for t in self._mechanism.knots_s(float(state["longest"])) if 0 < t < end_time_s)
         landings = chain(knots, [end_time_s])  # steps end where prescribed motions are not smooth
         state["end"] = next(landings)
-        kernel = self._kernel(())
-        impacts = Impacts(self._equations, self._names, kernel["walls"], kernel.p) if self._rigid else None
+        impacts = Impacts(self._equations, self._names, self._kernel(())) if self._rigid else None
         if impacts is not None:
             self._resolve_first(impacts, run)
         chunk = 1 + CHUNK // (len(run.q) * len(method.weights))
@@ -269,11 +252,11 @@ class Solver:
             if status == FAILED:
                 self._refuse(following, run)
             if status in (SPENT, FULL) and state["time"] == begin:
-                raise failures.Stalled(begin, chunk)
+                raise failures.Stalled(time_s=begin, steps=chunk)
             if status == DONE and state["end"] < end_time_s:
                 state["end"], status = next(landings), SPENT
         if not max(np.abs(run.q).max(), np.abs(run.v).max()) < LARGEST:  # squares of more are no numbers
-            raise failures.NonFiniteState(end_time_s, float(state["longest"]))
+            raise failures.NonFiniteState(time_s=end_time_s)
         solution = solution_of(run, self._mechanism, self._names, np.concatenate(events), impacts, took)
         scales = Scales(float(state["length"]), float(state["rate"]))
         guard = Guard(solution, scales, float(state["longest"]), float(state["tolerance"]))
@@ -286,7 +269,7 @@ class Solver:
         """Resolve events at t = 0, while compliant contacts that begin closed push: the loop notes them."""
         kernel, contacts = self._kernel(()), run.contacts
         gaps = np.zeros((len(contacts), len(Gap._fields)))
-        kernel["gaps"](kernel.p, contacts.ctypes.data, 0.0, run.rows[OLD], gaps)
+        kernel.functions["gaps"](kernel.p, contacts.ctypes.data, 0.0, run.rows[OLD], gaps)
         closed = (contacts["rigid"] == 0) & (gaps[:, 0] > 0)
         speed = np.maximum(gaps[:, 1], contacts["slowest"])[closed]
         contacts["phase"][closed] = CONTACT
@@ -305,18 +288,18 @@ class Solver:
 
         def project(t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, float, bool]:
             *result, ok = equations.project(t, q, v, phases)
-            if not ok and np.isfinite(q).all():
+            if not ok:
                 equations.refuse_singular(t, q)
             return (*result, ok)
 
         with np.errstate(all="ignore"):
             if isinstance(self._choice, ErrorControl):
                 equations.required(t, q, v, phases)
-                raise failures.StepsCollapsed(t, h)
+                raise failures.StepsCollapsed(time_s=t, step_s=h)
             after = step(self._method, answer, project if self._projected else None, t, q, v, h)
         if np.isfinite(after.q).all() and np.isfinite(after.v).all():
-            raise failures.NearSingular(t, h, float(after.condition))
-        raise failures.NonFiniteState(t + h, h)
+            raise failures.NearSingular(time_s=t, step_s=h, condition=float(after.condition))
+        raise failures.NonFiniteState(time_s=t + h)
 
 
 def check_start(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> None:
@@ -325,19 +308,14 @@ def check_start(mechanism: Mechanism, q: FloatArray, v: FloatArray) -> None:
     Raises:
         InconsistentStart: they do not, by more than ``START_TOLERANCE``.
     """
-    equations = Equations(mechanism, q)
-    gap = np.abs(equations.violation(0.0, q)).max(initial=0)
-    if not gap <= START_TOLERANCE:
-        raise failures.InconsistentStart(f"initial positions: expected g = 0, got a violation of {gap:.3g}")
-    rate = np.abs(equations.constraint_matrix(q) @ v - equations.C).max(initial=0)
-    if not rate <= START_TOLERANCE * (1 + np.abs(v).max()):
-        raise failures.InconsistentStart(
-            f"initial velocities: expected [B]q' = C, got a violation of {rate:.3g}"
-        )
-    rigid = [(k, joint) for k, joint in enumerate(mechanism.contacts) if joint.rigid]
-    for k, joint in rigid:
-        outside = float(separation(joint, State(q, v)).distance) - joint.radial_clearance_m
-        if not outside <= START_TOLERANCE:
-            raise failures.InconsistentStart(
-                f"contacts[{k}]: expected the pin inside its bearing, got it {outside:.3g} m past the wall"
-            )
+    equations, state = Equations(mechanism, q), State(q, v)
+    rates = equations.system(0.0, q).B @ v - equations.C
+    rigid = [joint for joint in mechanism.contacts if joint.rigid]
+    outside = [float(separation(joint, state).distance) - joint.radial_clearance_m for joint in rigid]
+    for what, off, size in (
+        ("initial positions on the constraints", np.abs(equations.system(0.0, q).g), 1.0),
+        ("initial velocities on the constraints", np.abs(rates), 1 + np.abs(v).max()),
+        ("pins inside rigid bearings", np.array(outside), 1.0),
+    ):
+        if not off.max(initial=0.0) <= START_TOLERANCE * size:
+            raise failures.InconsistentStart(f"expected {what}, got some off by {off.max():.3g}")

@@ -19,7 +19,7 @@ from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.methods import MOST_APART
 from reference_solver.run import AT, END, GAP_FIELDS, NEW, OLD, SLOPES, SPARE, START, WEIGHT, Gap
 
-inner = register_jitable(**OPTIONS, no_cfunc_wrapper=True)
+inner = register_jitable(**OPTIONS)
 
 #: Part of the clearance (or of a radian) that a pin crosses in a step of flight, by RK4 and with error
 #: control.
@@ -37,16 +37,10 @@ SAFETY, LEAST, MOST, BETA = 0.8, 0.2, 8.0, 0.04
 MOST_REJECTIONS, ASIDE = 100, 2.0 / 3.0
 #: Part of a step's length within which the next of its multiples is passed.
 TOO_NEAR = 0.4
-#: Parts of the tolerance and of the clearance within which a step ends on its event; round-off of the gap, as
-#: a part of the mechanism's length, or of how far it is from the origin; and the most trials for it.
-LANDING, LANDING_CLEARANCE, ROUND_OFF, LANDINGS = 1e-2, 2e-6, 1.5e-15, 6
+#: Round-off of the gap, as a part of the mechanism's length, or of how far it is from the origin.
+ROUND_OFF = 1.5e-15
 #: A knot nearer than this part of its period has been reached: steps end so near to it, by their first terms.
 REACHED = 1e-4
-#: A kink has been reached where it is nearer than this part of the angle, or of its period: some round-off.
-AT_KINK = 1e-14
-#: How often a step is taken again that passes a kink, by what it may grow where it ends just before one, and
-#: the part of the longest step by which RK4's end before it.
-KINK_TRIALS, STRETCHED, SHORT = 8, 1.1, 1e-3
 
 
 class Step(NamedTuple):
@@ -91,15 +85,6 @@ def probe(run, rows, contacts):
         contact = contacts[k]
         contact.mobility, contact.sliding = rows[SPARE, 3 * k], rows[SPARE, 3 * k + 1]
         contact.following = rows[SPARE, 3 * k + 2]
-
-
-@inner
-def any_closed(contacts):
-    """Return whether a contact is not in flight."""
-    for k in range(len(contacts)):
-        if contacts[k].phase != FLIGHT:
-            return True
-    return False
 
 
 @inner
@@ -243,54 +228,22 @@ def graded_step(run, rows, contacts):
 
 
 @inner
-def to_knot(run, rows, knots, h, curved, short):
+def to_knot(run, rows, knots, h, curved):
     """Return a step, h at most, that ends near the next knot of a load by a body's angle, if it gets there.
 
     It goes by the body's speed, and ``curved`` times its acceleration at the step's start, if that is known.
-    What is left of the knot in the step after it is of the fourth power of the distance. Before a kink it
-    ends ``short`` of it, in s (see ``to_kink``).
+    What is left of the knot in the step after it is of the fourth power of the distance.
     """
     for k in range(len(knots)):
-        knot = knots[k]
-        c, ahead = knot.coordinate, knot.period
+        c, ahead = knots[k].coordinate, knots[k].period
         angle, speed, gain = rows[OLD, c], rows[OLD, run.n + c], curved * rows[START, run.n + c]
         if speed < 0.0:
-            ahead, speed, gain = (angle - knot.angle) % ahead, -speed, -gain
+            ahead, speed, gain = (angle - knots[k].angle) % ahead, -speed, -gain
         else:
-            ahead = (knot.angle - angle) % ahead
-        near = AT_KINK * max(abs(angle), knot.period) if knot.kink != 0 else REACHED * knot.period
-        if ahead > near and speed > 0.0 and speed * speed + 2.0 * gain * ahead > 0.0:
-            reach = 2.0 * ahead / (speed + np.sqrt(speed * speed + 2.0 * gain * ahead))
-            h = min(h, reach - short if knot.kink != 0 and reach > 2.0 * short else reach)
+            ahead = (knots[k].angle - angle) % ahead
+        if ahead > REACHED * knots[k].period and speed > 0.0 and speed * speed + 2.0 * gain * ahead > 0.0:
+            h = min(h, 2.0 * ahead / (speed + np.sqrt(speed * speed + 2.0 * gain * ahead)))
     return h
-
-
-@inner
-def to_kink(run, rows, knots, h, most, short):
-    """Return the step, ``most`` at most, in place of one of h that has passed a kink, or come near to one.
-
-    That is one on to the first such kink, by the speed at the end of h; without one it is h. Stages of RK4
-    are off by the third power of the step, and beyond a kink that makes an error of the fourth, by chance: so
-    a step ends ``short`` of a kink, in s, and a short one goes on to it.
-    """
-    aim, landed, first = short if h > 2.0 * short else 0.0, h, np.inf
-    for k in range(len(knots)):
-        knot = knots[k]
-        if knot.kink == 0:
-            continue
-        c = knot.coordinate
-        angle, change = rows[OLD, c], rows[NEW, c] - rows[OLD, c]
-        near, sign = AT_KINK * max(abs(angle), knot.period), 1.0 if change > 0.0 else -1.0
-        way, speed = sign * change, sign * rows[NEW, run.n + c]
-        ahead = sign * (knot.angle - angle) % knot.period
-        if not near < ahead < min(knot.period - near, first * way):
-            continue
-        first, landed, beyond = ahead / way, h, way - ahead + aim * speed
-        if beyond > -REACHED * knot.period and abs(beyond) > max(near, 0.5 * aim * speed):
-            landed = h - beyond / speed if speed > 0.0 else 0.0
-            if not 0.0 < landed < STRETCHED * h:
-                landed = h * first
-    return landed if landed <= min(most, STRETCHED * h) else h
 
 
 @inner
@@ -305,7 +258,7 @@ def propose(run, rows, contacts, method, knots):
     if method is not None:
         h = min(run.step, h)
         if knots is not None:
-            h = to_knot(run, rows, knots, h, 1.0, 0.0)
+            h = to_knot(run, rows, knots, h, 1.0)
         step = Step(t, 0.0, 0.0, h, t + h)
         if contacts is not None:
             h = in_flight(run, rows, contacts, OLD, h, CONTROLLED_FLIGHT_PART)
@@ -323,7 +276,7 @@ def propose(run, rows, contacts, method, knots):
         elif contacts is not None:
             h = graded_step(run, rows, contacts)
         if knots is not None:
-            h = to_knot(run, rows, knots, h, 0.0, SHORT * run.longest)
+            h = to_knot(run, rows, knots, h, 0.0)
         if run.rejected != 0:
             h = min(h, run.step)
         step = Step(t, 0.0, 0.0, h, t + h)
@@ -349,17 +302,6 @@ def changed(run, method, error):
         return most
     factor = SAFETY * error ** (0.2 * BETA - method[0].exponent) * run.error**BETA
     return min(most, max(LEAST, factor))
-
-
-@inner
-def next_step(step, factor):
-    """Return the step in time after one in s."""
-    reached, H = step.begin + step.H, step.H * factor
-    if step.sign == 0.0:
-        return H
-    if step.sign < 0.0 and reached + H <= 0.0:  # beyond the release
-        return max(1.5 * reached * reached, factor * lasting(step, 1.0))
-    return abs((2.0 * reached + H) * H)
 
 
 # ---------------------------------------------------------------------------------------------- a step
@@ -430,21 +372,6 @@ def estimated(run, rows, method, step):
 
 
 @inner
-def round_off_error(run, rows, contacts):
-    """Return what round-off of positions alone makes of a step's error over the tolerance.
-
-    It changes forces by the slope of the stiffest contact, and speeds by that for as long as the step lasts:
-    a tolerance below it would have steps shortened for nothing.
-    """
-    steepest = 0.0
-    for k in range(len(contacts)):
-        contact, gap = contacts[k], gap_of(run, rows, OLD, k)
-        if contact.phase != FLIGHT and contact.rigid == 0.0 and gap.depth > 0.0:
-            steepest = max(steepest, contact.exponent * gap.elastic / gap.depth * contact.mobility)
-    return steepest * ROUND_OFF * run.tried / (run.tolerance * run.rate)
-
-
-@inner
 def attempt(run, rows, contacts, method, step, most):
     """Take a step onto the constraints; return its error over the tolerance, infinite on failure.
 
@@ -463,7 +390,14 @@ def attempt(run, rows, contacts, method, step, most):
         return 0.0 if run.worst < np.inf and np.isfinite(total) else np.inf
     error = estimated(run, rows, method, step)
     if contacts is not None:
-        error /= max(1.0, round_off_error(run, rows, contacts))
+        # Round-off of positions changes forces by the slope of the stiffest contact, and speeds by that for
+        # as long as a step lasts: a tolerance below it would have steps shortened for nothing.
+        steepest = 0.0
+        for k in range(len(contacts)):
+            contact, gap = contacts[k], gap_of(run, rows, OLD, k)
+            if contact.phase != FLIGHT and contact.rigid == 0.0 and gap.depth > 0.0:
+                steepest = max(steepest, contact.exponent * gap.elastic / gap.depth * contact.mobility)
+        error /= max(1.0, steepest * ROUND_OFF * run.tried / (run.tolerance * run.rate))
     if not error <= most:
         return error
     state = run.at + NEW * run.width

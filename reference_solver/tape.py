@@ -74,7 +74,7 @@ class Tape:
         return Value(self, self._node(operation, operands, known))
 
     def call(self, function: str, arguments: Iterable[Scalar], results: int) -> list[Value]:
-        """Return so many results of another function of the kernel."""
+        """Return so many results of another function, of numbers."""
         node = self._node("call", (function, results, *arguments), False)
         return [Value(self, self._node("result", (node, k), False)) for k in range(results)]
 
@@ -242,13 +242,3 @@ def power(x: Scalar, exponent: Scalar) -> Scalar:
     if _is(exponent, 1.0):
         return x
     return x * sqrt(x) if _is(exponent, 1.5) else x**exponent
-
-
-def needs_of(node: Node) -> list[Any]:
-    """Return what a node that is needed needs itself; of a branch's outputs only those that are."""
-    if node.operation == "branch":
-        return [node.operands[0]]
-    if node.operation == "result" and node.operands[0].operation == "branch":
-        branch, k = node.operands
-        return [branch, branch.operands[1][k]]
-    return list(node.operands)

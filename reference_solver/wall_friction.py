@@ -23,55 +23,36 @@ law's steepest f', wherever v_t is: a reversal may come within any step, and a s
 throw v_t from side to side.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from reference_solver.factorisation import Factors, eliminated
-from reference_solver.mechanism.contacts import FRICTION_LAWS, ClearanceJoint, sliding_row, steepest
+from reference_solver.mechanism.contacts import FRICTION_LAWS, ClearanceJoint, separation, steepest
 from reference_solver.mechanism.data import FrictionLaw
-from reference_solver.mechanism.points import State, ends_of
-from reference_solver.tape import Array, Scalar, array, both, larger, sqrt
+from reference_solver.mechanism.points import State
+from reference_solver.tape import Array, Scalar, array, both, larger
 
 #: The least part of a normal mobility that friction may leave: below are round-off and forces without bound.
 LEAST_MOBILITY = 1e-9
 
 
-@dataclass(frozen=True)
-class Rubbing:
-    """A pin that follows its wall with friction: its row of [B], its number among the contacts, its data."""
-
-    row: int
-    contact: int
-    joint: ClearanceJoint
-    law: FrictionLaw
+#: A pin that follows its wall with friction: its row of [B], its number among the contacts, it and its law.
+Rubbing = tuple[int, int, ClearanceJoint, FrictionLaw]
 
 
-@dataclass(frozen=True)
-class Rubbed:
-    """What friction changes: {q''} by ``change`` (n,), and {lambda} (m,), which become ``multipliers``.
+def rubbed(
+    pins: list[Rubbing], state: State, factors: Factors, multipliers: Array
+) -> tuple[Array, Array, Array, Array, Scalar, Scalar]:
+    """Return what friction of r pins changes, from the equations' factors and {lambda} without it.
 
-    ``forces`` (r,) in N are on the pins along t, ``powers`` (r,) in W are lost in them; ``damper_per_s`` is
-    the rate of the damper that friction is; ``ok`` says that it leaves the pins their mobility.
+    That is the change of {q''} (n,); {lambda} (m,) with it; the forces (r,) in N on the pins along t, and the
+    speeds (r,) against which they act; the rate of the damper that friction is; and whether it leaves the
+    pins their mobility.
     """
-
-    change: Array
-    multipliers: Array
-    forces: Array
-    powers: list[Scalar]
-    damper_per_s: Scalar
-    ok: Scalar
-
-
-def rubbed(pins: list[Rubbing], state: State, factors: Factors, multipliers: Array) -> Rubbed:
-    """Return what friction of these pins changes, from the equations' factors and {lambda} without it."""
-    n, rows = len(state.q), [pin.row for pin in pins]
-    T = array([_sliding(pin.joint, state, n) for pin in pins])
-    sliding = T @ state.v
-    shares = [
-        pin.law.coefficient * pin.joint.radial_clearance_m * FRICTION_LAWS[pin.law.law](pin.law, speed)
-        for pin, speed in zip(pins, sliding, strict=True)
-    ]
+    rows = [row for row, *_ in pins]
+    T = array([separation(joint, state).tangent for *_, joint, _ in pins])
+    sliding, shares = T @ state.v, list[Scalar]()
+    for (*_, joint, law), speed in zip(pins, sliding, strict=True):
+        shares.append(law.coefficient * joint.radial_clearance_m * FRICTION_LAWS[law.law](law, speed))
     s = array(shares)
     X, Y = factors.solve(T.T, np.zeros((len(multipliers), len(T))))
     small = np.eye(len(rows)) - s[:, None] * Y[rows]
@@ -79,18 +60,10 @@ def rubbed(pins: list[Rubbing], state: State, factors: Factors, multipliers: Arr
     lambda_ = multipliers + Y @ tau
     ok: Scalar = True
     damper: Scalar = 0.0
-    for i, pin in enumerate(pins):
+    for i, (row, _, joint, law) in enumerate(pins):
         ok = both(ok, pivots[i] > LEAST_MOBILITY)
         # d tau/d v_t of each joint alone: of several the sum is not below the largest rate.
-        pressing = larger(-(pin.joint.radial_clearance_m * lambda_[pin.row]), 0.0)
-        slope = pin.law.coefficient * steepest(pin.law)
+        pressing = larger(-(joint.radial_clearance_m * lambda_[row]), 0.0)
+        slope = law.coefficient * steepest(law)
         damper = damper + slope * pressing * (T[i] @ X[:, i]) / small[i, i]
-    powers = [-(force * speed) for force, speed in zip(tau, sliding, strict=True)]
-    return Rubbed(X @ tau, lambda_, tau, powers, damper, ok)
-
-
-def _sliding(joint: ClearanceJoint, state: State, n: int) -> Array:
-    bearing, pin = ends_of(joint, state)
-    d = pin.place - bearing.place
-    distance = sqrt(d @ d)
-    return sliding_row(joint, array([d[0] / distance, d[1] / distance]), bearing, pin, n)
+    return X @ tau, lambda_, tau, sliding, damper, ok

@@ -68,7 +68,8 @@ def numerical_gain_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """
     energy = kinetic_energy_J(scene, trajectory) + potential_energy_J(scene, trajectory)
     lost = trajectory.dissipated_energy_J
-    return np.asarray(energy - energy[0] - trajectory.work_J + (0.0 if lost is None else lost))
+    gain = energy - energy[0] - trajectory.work_J + (0.0 if lost is None else lost)
+    return np.asarray(gain - gain[0])  # an impact at t = 0 has lost energy before the first sample
 
 
 def energy_balance_residual_J(scene: Scene, trajectory: Trajectory) -> FloatArray:

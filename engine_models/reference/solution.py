@@ -43,12 +43,12 @@ def trajectory_of_solution(
         time_s=solution.time_s,
         position=position,
         velocity=velocity,
-        driver_work_J=solution.constraint_work_J if of.drive.prescribes else driver_work,
+        driver_work_J=solution.sums["drivers"] if of.drive.prescribes else driver_work,
         step_s=step_s,
         steps=solution.steps,
         solve_time_s=solve_time_s,
         contacts=contacts,
-        stabilisation_loss_J=solution.stabilisation_loss_J if stabilised else None,
+        stabilisation_loss_J=solution.sums["removed"] if stabilised else None,
         load_work_J=works,
     )
 

@@ -6,23 +6,23 @@ closes what is open, joints with clearance taken as ideal. Velocities follow fro
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from reference_solver.failures import listed
 from reference_solver.mechanism.constraints import (
-    Constraint,
     PrescribedMotion,
     PrescribedSlide,
     System,
+    row_dependence,
     row_slices,
     system_of,
 )
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, Line, MechanismData, Pin
 from reference_solver.mechanism.mechanism import Mechanism, along, light, mechanism_of
-from reference_solver.mechanism.points import State, ends_of
+from reference_solver.mechanism.points import State, line_at
 from reference_solver.tape import FloatArray
 
 #: The largest turn in a step, in rad; steps at the most; and what joints are open by when they are closed, in
@@ -66,13 +66,6 @@ class Rank:
     nearest: str
 
 
-def ideal(of: MechanismData, driven: bool = False) -> MechanismData:
-    """Return a mechanism whose joints have no clearance, and without its drive unless it is ``driven``."""
-    drive = of.drive if driven else replace(of.drive, law=None)
-    pins = tuple(replace(pin, clearance=None) for pin in of.pins)
-    return replace(of, pins=pins, loads=(), springs=(), drive=drive)
-
-
 class NotAssembled(ValueError):
     """There is no such start; the message says what was expected of what, and what came."""
 
@@ -95,30 +88,45 @@ class Joints:
     """
 
     def __init__(self, of: MechanismData, driven: bool = False) -> None:
-        mechanism = mechanism_of(ideal(of, driven))
+        pins = tuple(replace(pin, clearance=None) for pin in of.pins)
+        drive = of.drive if driven else replace(of.drive, law=None)
+        mechanism = mechanism_of(replace(of, pins=pins, loads=(), springs=(), drive=drive))
         self.data, self.n, self._still = of, 3 * len(of.bodies), np.zeros(3 * len(of.bodies))
         self._constraints, self.rows = mechanism.constraints, rows_named(mechanism)
         self.inverse_mass = 1.0 / mechanism.masses
-        self._ways = tuple(PrescribedSlide(*along(guide), ConstantSpeed(0.0)) for guide in of.guides)
 
-    def _system(self, constraints: tuple[Constraint, ...], q: FloatArray) -> System:
-        return system_of(constraints, State(q, self._still), 0.0, self._still)
+    def _system(self, q: FloatArray) -> System:
+        return system_of(self._constraints, State(q, self._still), self._still)
 
     def gaps(self, q: FloatArray) -> FloatArray:
         """Return how far the rows are open, in m and rad, (m,)."""
-        return np.asarray(self._system(self._constraints, q).g, float)
+        return np.asarray(self._system(q).g, float)
 
     def matrix(self, q: FloatArray) -> FloatArray:
         """Return [B] (m, n)."""
-        return np.asarray(self._system(self._constraints, q).B, float)
+        return np.asarray(self._system(q).B, float)
 
     def way_rows(self, q: FloatArray) -> FloatArray:
         """Return the rows (g, n) that give from velocities the speeds along the guides."""
-        return np.asarray(self._system(self._ways, q).B, float)
+        slides = [PrescribedSlide(*along(guide), ConstantSpeed(0.0)) for guide in self.data.guides]
+        return np.asarray(system_of(slides, State(q, self._still), self._still).B, float)
+
+    def told_rows(self, q: FloatArray, bodies: Iterable[int], guides: Iterable[int]) -> FloatArray:
+        """Return the rows that give from velocities the speeds at which bodies turn and along guides."""
+        return np.vstack([np.eye(self.n)[[3 * k + 2 for k in bodies]], self.way_rows(q)[list(guides)]])
+
+    def told(self, q: FloatArray, bodies: Iterable[int], guides: Iterable[int]) -> FloatArray:
+        """Return angles of bodies and positions in m along guides."""
+        return np.concatenate([q[2::3][list(bodies)], self.ways(q)[list(guides)]])
 
     def ways(self, q: FloatArray) -> FloatArray:
         """Return the positions in m along the guides, (g,)."""
-        return np.array([way_along(guide, q) for guide in self.data.guides])
+        lines = (line_at(guide, State(q, q)) for guide in self.data.guides)
+        return np.array([along @ d for _, _, along, _, d in lines])
+
+    def names(self, bodies: Iterable[int], guides: Iterable[int]) -> list[str]:
+        """Return the names of bodies and guides."""
+        return [*(self.data.bodies[k].name for k in bodies), *(self.data.guides[k].name for k in guides)]
 
     def lets_move(self, q: FloatArray, row: FloatArray) -> bool:
         """Return whether there are velocities for which a row (n,) is not 0."""
@@ -129,14 +137,12 @@ class Joints:
 
     def rank(self, q: FloatArray) -> Rank:
         """Return the rank of the rows at a position."""
-        scaled = self.matrix(q) * np.sqrt(self.inverse_mass)
-        size = np.linalg.norm(scaled, axis=1, keepdims=True)
-        left, values, _ = np.linalg.svd(scaled / np.where(size > 0, size, 1.0))
+        values, shares = row_dependence(self.matrix(q), self.inverse_mass, RANK_TOLERANCE)
         rank = int((values > RANK_TOLERANCE).sum())
-        shares = np.linalg.norm(left[:, rank:], axis=1)
-        dependent = dict.fromkeys(name for (name, _), x in zip(self.rows, shares, strict=True) if x > SHARE)
-        nearest = self.rows[int(np.abs(left[:, rank - 1]).argmax())][0] if rank else ""
-        return Rank(len(scaled), rank, self.n - rank, values, tuple(dependent), nearest)
+        names = [name for name, _ in self.rows]
+        nearest = names[int(shares.argmax())] if names else ""
+        involved = [name for name, x in zip(names, shares, strict=True) if x > SHARE and rank < len(names)]
+        return Rank(len(names), rank, self.n - rank, values, tuple(dict.fromkeys(involved)), nearest)
 
 
 @dataclass(frozen=True)
@@ -170,7 +176,7 @@ def assemble(of: MechanismData, told: Told) -> Assembled:
         raise NotAssembled(light(of.bodies) or dependence(own))
     v = _moving(joints, q, told, rank)
     drive = of.drive
-    row = np.eye(joints.n)[3 * drive.body + 2] if drive.guide is None else joints.way_rows(q)[drive.guide]
+    (row,) = joints.told_rows(q, *(([drive.body], []) if drive.guide is None else ([], [drive.guide])))
     moved = joints.ways(q) - [told.position_m.get(k, 0.0) for k in range(len(of.guides))]
     return Assembled(q, v, rank, joints.lets_move(q, row), (q - rough)[2::3], moved)
 
@@ -182,7 +188,7 @@ def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
         NotAssembled: at q and v, (n,) each, one is not, by more than ``START_TOLERANCE``.
     """
     mechanism = mechanism_of(replace(of, pins=of.ideal, loads=(), springs=()))
-    system, rows = system_of(mechanism.constraints, State(q, v), 0.0, q), rows_named(mechanism)
+    system, rows = system_of(mechanism.constraints, State(q, v), q), rows_named(mechanism)
     gaps, speeds = np.abs(np.asarray(system.g, float)), np.abs(np.asarray(system.B @ v - system.C, float))
     if not gaps.max(initial=0.0) <= START_TOLERANCE:
         name, unit = rows[int(gaps.argmax())]
@@ -204,30 +210,28 @@ def dependence(rank: Rank) -> str:
 
 def _closed(joints: Joints, rough: FloatArray, told: Told) -> FloatArray:
     """Return coordinates at which the joints are closed, near to rough ones."""
-    bodies = [3 * body + 2 for body in told.held_bodies]
-    guides = list(told.held_guides)
-    held = np.concatenate([rough[bodies], [told.position_m.get(k, 0.0) for k in guides]])
+    parts = told.held_bodies, told.held_guides
+    held = [*rough[2::3][list(parts[0])], *(told.position_m.get(k, 0.0) for k in parts[1])]
     root, q = np.sqrt(joints.inverse_mass), np.array(rough)
     length = max(1.0, np.abs(rough.reshape(-1, 3)[:, :2]).max())
     for _ in range(MOST_STEPS):
-        open_by = np.concatenate([joints.gaps(q), np.concatenate([q[bodies], joints.ways(q)[guides]]) - held])
-        rows = np.vstack([joints.matrix(q), np.eye(joints.n)[bodies], joints.way_rows(q)[guides]])
+        open_by = np.concatenate([joints.gaps(q), joints.told(q, *parts) - held])
+        rows = np.vstack([joints.matrix(q), joints.told_rows(q, *parts)])
         step = root * np.linalg.lstsq(rows * root, open_by, rcond=1e-10)[0]
         turn = np.abs(step[2::3]).max()
         q = q - step * min(1.0, LARGEST_TURN_RAD / max(turn, LARGEST_TURN_RAD))
         if np.abs(step).max() < np.finfo(float).eps * length:
             break
-    gaps = np.abs(joints.gaps(q))
-    ways = np.abs(np.concatenate([q[bodies], joints.ways(q)[guides]]) - held)
-    open_by, off = gaps.max(initial=0.0), ways.max(initial=0.0)
-    if open_by <= CLOSED * length and off <= CLOSED * length:
+    gaps, off = np.abs(joints.gaps(q)), np.abs(joints.told(q, *parts) - held)
+    if max(gaps.max(initial=0.0), off.max(initial=0.0)) <= CLOSED * length:
         return q
-    name, unit = joints.rows[int(gaps.argmax())] if open_by else ("none", "")
-    worst = f"{name} open by {open_by:.3g} {unit}" if open_by else "none open"
-    if bodies or guides:
+    worst = "none open"
+    if gaps.any():
+        name, unit = joints.rows[int(gaps.argmax())]
+        worst = f"{name} open by {gaps.max():.3g} {unit}"
+    if held:
         _closed(joints, rough, replace(told, held_bodies=(), held_guides=()))  # refuses what never closes
-        parts = [joints.data.bodies[k].name for k in told.held_bodies]
-        names = ", ".join([*parts, *(joints.data.guides[k].name for k in told.held_guides)])
+        names = ", ".join(joints.names(*parts))
         raise NotAssembled(f"expected held values ({names}) that the joints allow, got {worst}")
     raise NotAssembled(f"expected joints that close, got {worst}")
 
@@ -240,26 +244,18 @@ def _moving(joints: Joints, q: FloatArray, told: Told, rank: Rank) -> FloatArray
     if count != rank.freedoms:
         freedoms = "1 degree of freedom" if rank.freedoms == 1 else f"{rank.freedoms} degrees of freedom"
         raise NotAssembled(f"expected as many speeds as the joints leave, {freedoms}, got {count}")
-    B, bodies = joints.matrix(q), [3 * body + 2 for body in told.speed_rad_s]
-    rows = np.vstack([B, np.eye(joints.n)[bodies], joints.way_rows(q)[list(told.speed_m_s)]])
-    speeds = np.concatenate([np.zeros(len(B)), [*told.speed_rad_s.values(), *told.speed_m_s.values()]])
+    B, parts = joints.matrix(q), (told.speed_rad_s, told.speed_m_s)
+    rows = np.vstack([B, joints.told_rows(q, *parts)])
+    speeds = np.array([*np.zeros(len(B)), *parts[0].values(), *parts[1].values()])
     root = np.sqrt(joints.inverse_mass)
     v: FloatArray = root * np.linalg.lstsq(rows * root, speeds, rcond=1e-10)[0]
     off = np.abs(rows @ v - speeds)
     if not off.max(initial=0.0) <= START_TOLERANCE * (1.0 + np.abs(speeds).max()):
-        bodies_of, guides_of = joints.data.bodies, joints.data.guides
-        names = [bodies_of[k].name for k in told.speed_rad_s] + [guides_of[k].name for k in told.speed_m_s]
         worst = int(off[len(B) :].argmax())
-        unit = "rad/s" if worst < len(bodies) else "m/s"
-        came = f"that of {names[worst]} off by {off[len(B) + worst]:.3g} {unit}"
+        unit = "rad/s" if worst < len(told.speed_rad_s) else "m/s"
+        came = f"that of {joints.names(*parts)[worst]} off by {off[len(B) + worst]:.3g} {unit}"
         raise NotAssembled(light(joints.data.bodies) or f"expected speeds that the joints allow, got {came}")
     return v
-
-
-def way_along(line: Line, q: FloatArray) -> float:
-    """Return the way in m of a line's point along it, at coordinates (n,)."""
-    (i, j), along = ends_of(line, state := State(q, q)), state.direction(line.body_i, line.angle_rad)
-    return float(along @ (j.place - i.place))
 
 
 def hung(of: MechanismData, told: Told) -> FloatArray:

@@ -17,8 +17,8 @@ import numpy as np
 from reference_solver.mechanism.contacts import ClearanceJoint
 from reference_solver.mechanism.data import GROUND, Guide, Line, Motion, Pin
 from reference_solver.mechanism.motions import moved
-from reference_solver.mechanism.points import State, ends_of
-from reference_solver.tape import Array, Scalar, array
+from reference_solver.mechanism.points import State, ends_of, line_at
+from reference_solver.tape import Array, FloatArray, Scalar, array
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,8 @@ def guided(guide: Guide, state: State, start: Array) -> Rows:
 
     The multipliers are the force in N on body j along n, and the moment in N m on it.
     """
-    i, j = ends_of(guide, state)
-    along = state.direction(guide.body_i, guide.angle_rad)
-    across = array([-along[1], along[0]])
-    d, d_dot = j.place - i.place, j.rate - i.rate
+    i, j, along, across, d = line_at(guide, state)
+    d_dot = j.rate - i.rate
     of_i = -(across @ i.jacobian) - array([0.0, 0.0, along @ d])
     of_j, turning = across @ j.jacobian, 2.0 * (along @ d_dot) + i.spin * (across @ d)
     B_dot_v = across @ (j.centripetal - i.centripetal) - i.spin * turning
@@ -103,9 +101,9 @@ def guided(guide: Guide, state: State, start: Array) -> Rows:
 # g = phi - phi(0) - turned(t) = 0
 # g' = phi' - C(t) = 0, so [B] is (0, 0, 1) and {C} is C(t), the rate of turned(t)
 # [B]{q''} = C'(t)
-def prescribed_motion(driver: PrescribedMotion, state: State, t: Scalar, start: Array) -> Rows:
+def prescribed_motion(driver: PrescribedMotion, state: State, start: Array) -> Rows:
     """Return the row of a body that turns as a function of time says."""
-    turned, speed, acceleration = moved(driver.motion, t)
+    turned, speed, acceleration = moved(driver.motion, state.t)
     angle = turned_by(driver.body, state, start) - turned
     block, zero = array([[0.0, 0.0, 1.0]]), array([0.0])
     return Rows({driver.body: block}, array([speed]), zero, array([angle]), array([acceleration]))
@@ -114,20 +112,16 @@ def prescribed_motion(driver: PrescribedMotion, state: State, t: Scalar, start: 
 # g = u.d - (u.d)(0) - moved(t) = 0, d = p_j - p_i, with u along the line and n across it: u' = phi_i' n
 # g' = u.d' + phi_i' n.d - C(t) = 0, so [B] is u times the rows of a revolute joint, with n.d more for phi_i'
 # [B]{q''} = C'(t) + u.(phi_j'^2 a_j - phi_i'^2 a_i) - 2 phi_i' n.d' + phi_i'^2 u.d
-def prescribed_slide(driver: PrescribedSlide, state: State, t: Scalar, start: Array) -> Rows:
+def prescribed_slide(driver: PrescribedSlide, state: State, start: Array) -> Rows:
     """Return the row of a point that moves along a line of another body as a function of time says."""
-    way, speed, acceleration = moved(driver.motion, t)
-    i, j = ends_of(driver, state)
-    along = state.direction(driver.body_i, driver.angle_rad)
-    across = array([-along[1], along[0]])
-    d, d_dot = j.place - i.place, j.rate - i.rate
+    way, speed, acceleration = moved(driver.motion, state.t)
+    i, j, along, across, d = line_at(driver, state)
     of_i = array([0.0, 0.0, across @ d]) - along @ i.jacobian
     blocks = {driver.body_i: of_i[None], driver.body_j: (along @ j.jacobian)[None]}
-    turning = 2.0 * (across @ d_dot) - i.spin * (along @ d)
+    turning = 2.0 * (across @ (j.rate - i.rate)) - i.spin * (along @ d)
     B_dot_v = along @ (j.centripetal - i.centripetal) + i.spin * turning
-    first_i, first_j = ends_of(driver, first := State(start, start))
-    began = first.direction(driver.body_i, driver.angle_rad) @ (first_j.place - first_i.place)
-    g = along @ d - began - way
+    _, _, along_first, _, first = line_at(driver, State(start, start))
+    g = along @ d - along_first @ first - way
     return Rows(blocks, array([speed]), array([B_dot_v]), array([g]), array([acceleration]))
 
 
@@ -151,17 +145,17 @@ def following(joint: ClearanceJoint, state: State) -> Rows:
     return Rows(blocks, array([0.0]), array([B_dot_v]), array([0.5 * (d @ d) - c * c / 2]))
 
 
-def rows_of(constraint: Constraint, state: State, t: Scalar, start: Array) -> Rows:
-    """Return the rows of a constraint at a state and a time, with the coordinates at the start."""
+def rows_of(constraint: Constraint, state: State, start: Array) -> Rows:
+    """Return the rows of a constraint at a state, with the coordinates at the start."""
     match constraint:
         case Pin():
             return revolute_joint(constraint, state)
         case Guide():
             return guided(constraint, state, start)
         case PrescribedMotion():
-            return prescribed_motion(constraint, state, t, start)
+            return prescribed_motion(constraint, state, start)
         case PrescribedSlide():
-            return prescribed_slide(constraint, state, t, start)
+            return prescribed_slide(constraint, state, start)
         case ClearanceJoint():
             return following(constraint, state)
 
@@ -177,9 +171,9 @@ class System:
     g: Array
 
 
-def system_of(constraints: Sequence[Constraint], state: State, t: Scalar, start: Array) -> System:
-    """Return the rows of constraints at a state and a time, with the coordinates at the start."""
-    parts = [rows_of(c, state, t, start) for c in constraints]
+def system_of(constraints: Sequence[Constraint], state: State, start: Array) -> System:
+    """Return the rows of constraints at a state, with the coordinates at the start."""
+    parts = [rows_of(c, state, start) for c in constraints]
     n, rows = len(state.q), list[list[Scalar]]()
     for part in parts:
         for k in range(len(part.C)):
@@ -196,5 +190,18 @@ def system_of(constraints: Sequence[Constraint], state: State, t: Scalar, start:
 def row_slices(constraints: Sequence[Constraint], n: int) -> list[slice]:
     """Return the rows of [B] (m, n), and so the multipliers, of each constraint in order."""
     still = np.zeros(n)
-    ends = np.cumsum([0, *(len(rows_of(c, State(still, still), 0.0, still).C) for c in constraints)])
+    ends = np.cumsum([0, *(len(rows_of(c, State(still, still), still).C) for c in constraints)])
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def row_dependence(B: Array, inverse_mass: Array, tolerance: float) -> tuple[FloatArray, FloatArray]:
+    """Return the singular values (m,), falling, of the rows of [B] (m, n), each of length 1 in [M]^-1's norm.
+
+    Also of every row its share in those below a tolerance, or in the least.
+    """
+    scaled = B * np.sqrt(inverse_mass)
+    size = np.linalg.norm(scaled, axis=1, keepdims=True)
+    left, values, _ = np.linalg.svd(scaled / np.where(size > 0, size, 1.0))
+    values = np.append(values, np.zeros(len(left) - len(values)))
+    small = values <= max(tolerance, values.min(initial=np.inf))
+    return values, np.linalg.norm(left[:, small], axis=1)

@@ -25,7 +25,7 @@ import numpy as np
 from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Ends, FrictionLaw, Pin
 from reference_solver.mechanism.lifting import WRITTEN_OUT
 from reference_solver.mechanism.loads import Forces, pair
-from reference_solver.mechanism.points import MovingPoint, State, ends_of, speed_row
+from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.tape import (
     Array,
     FloatArray,
@@ -66,8 +66,6 @@ DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = MappingProxyType(
 LEAST_DEPTH = 1e-12
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.
 ROUND_OFF = 64 * float(np.finfo(float).eps)
-#: What a contact's branch computes.
-OF_CONTACT = ("force_x", "force_y", "twist_i", "twist_j", "normal", "loss", "clip", "slide", "tangential")
 
 # ------------------------------------------------ a clearance as a file has it (see ``ClearanceData``)
 
@@ -103,11 +101,6 @@ def damping_factor_of(room: Any) -> float:
 def minimum_impact_speed_of(room: Any) -> float:
     """Return the floor of v0 in m/s."""
     return float(room.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S)
-
-
-def clips(room: Any) -> bool:
-    """Return whether the force is ever zero where the law would pull; Kelvin-Voigt's is left as it is."""
-    return bool(damping_factor_of(room) != 0 and not room.may_pull)
 
 
 # ------------------------------------------------------------------------------------------ laws
@@ -238,27 +231,24 @@ def joint_of(pin: Pin) -> ClearanceJoint:
     """
     ends, room = (pin.body_i, pin.point_i, pin.body_j, pin.point_j), pin.clearance
     assert room is not None
-    law: ContactLaw | RigidWall
-    if room.law == "rigid":
-        law = RigidWall(room.restitution or 0.0, room.minimum_impact_speed_m_s or 0.0)
-    else:
-        stiffness = stiffness_of(room)
-        if not math.isfinite(stiffness):
-            field = (
-                "young_modulus_Pa" if room.radial_clearance_m > sys.float_info.min else "radial_clearance_m"
-            )
-            expected, value = "one whose stiffness is no overflow", getattr(room, field)
-            raise OverflowError(f"{field}: expected {expected}, got {value:g}")
-        law = ContactLaw(
-            stiffness,
-            exponent_of(room),
-            damping_factor_of(room),
-            room.damping_N_s_m or 0.0,
-            minimum_impact_speed_of(room),
-            room.may_pull,
-            room.law if room.law in NORMAL_LAWS else "dissipative",
-        )
     ends = (*ends[2:], *ends[:2]) if pin.bearing_on_j else ends
+    if room.law == "rigid":
+        wall = RigidWall(room.restitution or 0.0, room.minimum_impact_speed_m_s or 0.0)
+        return ClearanceJoint(*ends, room.radial_clearance_m, room.bearing_radius_m, wall, room.friction)
+    stiffness, tiny = stiffness_of(room), room.radial_clearance_m <= sys.float_info.min
+    if not math.isfinite(stiffness):
+        field = "radial_clearance_m" if tiny else "young_modulus_Pa"
+        came = f"{getattr(room, field):g}"
+        raise OverflowError(f"{field}: expected one whose stiffness is no overflow, got {came}")
+    law = ContactLaw(
+        stiffness,
+        exponent_of(room),
+        damping_factor_of(room),
+        room.damping_N_s_m or 0.0,
+        minimum_impact_speed_of(room),
+        room.may_pull,
+        room.law if room.law in NORMAL_LAWS else "dissipative",
+    )
     return ClearanceJoint(*ends, room.radial_clearance_m, room.bearing_radius_m, law, room.friction)
 
 
@@ -307,24 +297,9 @@ def contact_force(
             force = force + tangential * array([-n[1], n[0]])
         return (*force, twist_i, twist_j, normal, loss, clip, slide, tangential)
 
-    results = when(phase > FLIGHT, closed, len(OF_CONTACT))
-    x, y, twist_i, twist_j, normal, loss, clip, slide, tangential = results
+    x, y, twist_i, twist_j, normal, loss, clip, slide, tangential = when(phase > FLIGHT, closed, 9)
     rates = [normal, loss] + law.clipped * [clip] + (joint.friction is not None) * [slide]
     return pair(bearing, pin, array([x, y]), twist_i, twist_j), rates, tangential
-
-
-def elastic_force(joint: ClearanceJoint, phase: Scalar, state: State) -> Forces:
-    """Return what a contact pushes with at rest, clipped or not: the part that has a potential."""
-    bearing, pin = ends_of(joint, state)
-    d, law = pin.place - bearing.place, joint.law
-
-    def closed() -> tuple[Scalar, ...]:
-        distance = sqrt(d @ d)
-        depth = larger(distance - joint.radial_clearance_m, 0.0)
-        return ((-NORMAL_LAWS[law.kind](law, depth, 0.0)[0]) / distance,)
-
-    (pull,) = when(phase > FLIGHT, closed, 1)
-    return pair(bearing, pin, pull * d)
 
 
 def gap(
@@ -354,26 +329,20 @@ def gap(
 # --------------------------------------------------------------------------------- rigid walls
 
 
-# v_t = t.d' + omega_j R_j - omega_i R_i = T{q'}: a row of speed alone, without any g that it is the rate of
-def sliding_row(joint: ClearanceJoint, n: Array, bearing: MovingPoint, pin: MovingPoint, size: int) -> Array:
-    """Return the row (size,) that gives the sliding speed from {q'}, n the normal (2,)."""
-    radii = -joint.bearing_radius_m, joint.bearing_radius_m - joint.radial_clearance_m
-    return speed_row(array([-n[1], n[0]]), bearing, pin, size, radii)
-
-
 @dataclass(frozen=True)
 class Separation:
     """Where the pin of a joint with a rigid wall stands, at a state of n coordinates.
 
-    ``distance`` is |d|; ``normal`` and ``tangent`` (n,) are the rows that give normal and tangential speeds
-    from {q'}; ``rate`` is the normal speed, and ``turning`` the part of |d|'' d.d/|d| that is there without
-    accelerations, so that (d.d/2)''/|d| = normal {q''} + turning. ``noise`` and ``rate_noise`` are the
-    round-off of |d| in m and of |d|' in m/s, by the size of their terms.
+    ``distance`` is |d|. Rows (n,) give speeds from {q'}: ``normal`` and ``tangent`` those of above, and
+    ``across`` that of the pin's centre along t. ``rate`` is the normal speed, and ``turning`` the part of
+    |d|'' d.d/|d| that is there without accelerations, so that (d.d/2)''/|d| = normal {q''} + turning.
+    ``noise`` and ``rate_noise`` are the round-off of |d| in m and of |d|' in m/s, by the size of their terms.
     """
 
     distance: Scalar
     normal: Array
     tangent: Array
+    across: Array
     rate: Scalar
     turning: Scalar
     noise: Scalar
@@ -388,6 +357,8 @@ def separation(joint: ClearanceJoint, state: State) -> Separation:
     apart = distance > 0.0
     length = choose(apart, distance, 1.0)
     normal = array([choose(apart, d[0] / length, 1.0), d[1] / length])
+    tangent = array([-normal[1], normal[0]])
+    radii = -joint.bearing_radius_m, joint.bearing_radius_m - joint.radial_clearance_m
     turning = normal @ (pin.centripetal - bearing.centripetal) + choose(apart, d_dot @ d_dot / length, 0.0)
     sizes = [joint.radial_clearance_m, 0.0]
     for body, point in ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j)):
@@ -398,7 +369,8 @@ def separation(joint: ClearanceJoint, state: State) -> Separation:
     return Separation(
         distance,
         speed_row(normal, bearing, pin, size_of_q),
-        sliding_row(joint, normal, bearing, pin, size_of_q),
+        speed_row(tangent, bearing, pin, size_of_q, radii),
+        speed_row(tangent, bearing, pin, size_of_q),
         normal @ d_dot,
         turning,
         *(ROUND_OFF * terms for terms in sizes),

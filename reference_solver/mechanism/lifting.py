@@ -31,7 +31,8 @@ def lifted(
         return tuple(lifted(part, number, written_out, placed) for part in data)  # type: ignore[return-value]
     if isinstance(data, PiecewiseCubic):
         return lifted(placed(data), number)  # type: ignore[no-any-return]
-    parts = _fields(type(data))
+    kind: Any = type(data)
+    parts = _fields(kind)
     if not parts:
         return data
     new = copy.copy(data)
@@ -41,15 +42,8 @@ def lifted(
     return new
 
 
-def tables_in(data: object) -> list[PiecewiseCubic]:
-    """Return all tables in dataclasses and tuples, in the order of ``lifted``."""
-    if isinstance(data, PiecewiseCubic):
-        return [data]
-    parts = data if isinstance(data, tuple) else (getattr(data, name) for name, _ in _fields(type(data)))
-    return [table for part in parts for table in tables_in(part)]
-
-
-def _fields_of(kind: type) -> tuple[tuple[str, tuple[float, ...]], ...]:
+@cache
+def _fields(kind: Any) -> tuple[tuple[str, tuple[float, ...]], ...]:
     """Return the names of a dataclass's fields with the numbers written out in them; nothing of others.
 
     Fields that do not count where two are compared are none.
@@ -57,6 +51,3 @@ def _fields_of(kind: type) -> tuple[tuple[str, tuple[float, ...]], ...]:
     if not is_dataclass(kind):
         return ()
     return tuple((field.name, field.metadata.get(WRITTEN_OUT, ())) for field in fields(kind) if field.compare)
-
-
-_fields: Callable[[type], tuple[tuple[str, tuple[float, ...]], ...]] = cache(_fields_of)

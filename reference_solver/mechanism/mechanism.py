@@ -3,34 +3,15 @@
 Coordinates q stack (x, y, phi) of every body's centre of mass.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from reference_solver.mechanism import data
+from reference_solver.mechanism import data, loads
 from reference_solver.mechanism.constraints import Constraint, Driver, PrescribedMotion, PrescribedSlide
 from reference_solver.mechanism.contacts import ClearanceJoint, joint_of
 from reference_solver.mechanism.data import Body, DriveData, MechanismData
-from reference_solver.mechanism.loads import (
-    ConstantForce,
-    ForceByTime,
-    GasForce,
-    LineDamper,
-    LineSpring,
-    Load,
-    MotorTorque,
-    Torque,
-    TorqueBySpeed,
-    TorqueByTime,
-    TurningDamper,
-)
-from reference_solver.mechanism.motions import (
-    PiecewiseCubic,
-    curve_of,
-    going_on,
-    has_knots,
-    knots_s,
-    pieces_of,
-)
+from reference_solver.mechanism.loads import ByAngle, ByTime, Force, Load, Torque
+from reference_solver.mechanism.motions import PiecewiseCubic, curve_of, going_on, knots_s, pieces_of
 from reference_solver.tape import Array, array
 
 #: The least mass of a body beside the heaviest one.
@@ -59,29 +40,24 @@ class Mechanism:
         return tuple(c.motion for c in self.constraints if isinstance(c, Driver))
 
     @property
-    def by_time(self) -> tuple[PiecewiseCubic, ...]:
-        """The functions of loads that go by the time."""
-        forces = tuple(load.force_N for load in self.loads if isinstance(load, ForceByTime))
-        return forces + tuple(load.torque_N_m for load in self.loads if isinstance(load, TorqueByTime))
+    def forces(self) -> tuple[Force | Torque, ...]:
+        """The loads that are no springs between two points."""
+        return tuple(load for load in self.loads if not isinstance(load, data.Spring))
 
-    @property
-    def has_knots(self) -> bool:
-        """Whether motions or loads may have times for steps to land on."""
-        return bool(self.by_time) or any(map(has_knots, self.prescribed))
-
-    def knots_s(self, longest_step_s: float) -> list[float]:
+    def knots_s(self, longest_step_s: float = 0.0) -> list[float]:
         """Return times, rising, for steps to land on: where motions and loads are not smooth, or quick."""
+        tables = [load.law.table for load in self.forces if isinstance(load.law, ByTime)]
         motions = {t for motion in self.prescribed for t in knots_s(motion, longest_step_s)}
-        return sorted(motions | {t for table in self.by_time for t in table.knots})
+        return sorted(motions | {t for table in tables for t in table.knots})
 
     @property
-    def knots_by_angle(self) -> tuple[tuple[float, float, int, int], ...]:
+    def knots_by_angle(self) -> tuple[tuple[float, float, int], ...]:
         """Angles in rad at which loads are not smooth: see ``run.KNOT_RECORD``."""
         return tuple(
-            (x, load.force_N.period, 3 * load.crank + 2, int(load.force_N.straight))
-            for load in self.loads
-            if isinstance(load, GasForce)
-            for x in load.force_N.knots
+            (x, load.law.table.period, 3 * load.law.crank + 2)
+            for load in self.forces
+            if isinstance(load.law, ByAngle)
+            for x in load.law.table.knots
         )
 
     def name_of(self, constraint: int) -> str:
@@ -96,10 +72,16 @@ def mechanism_of(of: MechanismData) -> Mechanism:
     Raises:
         OverflowError: the stiffness of a contact is none.
     """
-    (x, y), driver = of.gravity_m_s2, driver_of(of)
+    (x, y), law, guide, driver = of.gravity_m_s2, of.drive.law, of.drive.guide, list[Driver]()
+    if isinstance(law, data.Motion):
+        motion = going_on(law, of.drive.clock_s)  # by the time since the run's start
+        if guide is None:
+            driver = [PrescribedMotion(of.drive.body, motion)]
+        else:
+            driver = [PrescribedSlide(*along(of.guides[guide]), motion)]
     return Mechanism(
         of.bodies,
-        (*of.ideal, *of.guides, *([] if driver is None else [driver])),
+        (*of.ideal, *of.guides, *driver),
         tuple(loads_of(of).values()),
         -y,
         tuple(joint_of(pin) for pin in of.loose),
@@ -107,60 +89,43 @@ def mechanism_of(of: MechanismData) -> Mechanism:
     )
 
 
-def driver_of(of: MechanismData) -> Driver | None:
-    """Return the driver of a prescribed motion, by the time since the run's start."""
-    law, guide = of.drive.law, of.drive.guide
-    if not isinstance(law, data.Motion):
-        return None
-    motion = going_on(law, of.drive.clock_s)
-    if guide is None:
-        return PrescribedMotion(of.drive.body, motion)
-    return PrescribedSlide(*along(of.guides[guide]), motion)
-
-
 def loads_of(of: MechanismData) -> dict[str, Load]:
     """Return the loads in their order: "drive", "BODY.force" and the other parts, "spring:NAME"."""
-    loads = dict(_torque(of.drive))
+    torque, by_name = _torque(of.drive), dict[str, Load]()
+    if torque is not None:
+        by_name["drive"] = Torque(of.drive.body, torque)
     for load in of.loads:
-        loads |= {
-            f"{of.bodies[load.body].name}.{part}": each for part, each in _parts(load, of.drive.clock_s)
+        clock_s, gas, name = of.drive.clock_s, load.gas, of.bodies[load.body].name
+        forces = {
+            "force": loads.Constant(load.force_N) if load.force_N else None,
+            "viscous": loads.Damping(load.viscous_N_s_m) if load.viscous_N_s_m else None,
+            "spring": loads.Restoring(load.spring_N_m, load.free_position_m) if load.spring_N_m else None,
+            "gas": ByAngle(pieces_of(curve_of(gas.table), gas.table.period), gas.body) if gas else None,
+            "by_time": _by_time(load.force_by_time, clock_s) if load.force_by_time else None,
         }
-    return loads | {f"spring:{spring.name}": spring for spring in of.springs}
+        torques = {
+            "torque": loads.Constant(load.torque_N_m) if load.torque_N_m else None,
+            "turning_viscous": loads.Damping(load.viscous_N_m_s) if load.viscous_N_m_s else None,
+            "torque_by_time": _by_time(load.torque_by_time, clock_s) if load.torque_by_time else None,
+        }
+        parts: dict[str, Load] = {part: Torque(load.body, law) for part, law in torques.items() if law}
+        if load.line is not None:
+            parts = {part: Force(*along(load.line), law) for part, law in forces.items() if law} | parts
+        by_name |= {f"{name}.{part}": new for part, new in parts.items()}
+    return by_name | {f"spring:{spring.name}": spring for spring in of.springs}
 
 
-def _torque(drive: DriveData) -> Iterator[tuple[str, Load]]:
+def _torque(drive: DriveData) -> loads.Law | None:
     match drive.law:
         case data.Torque(data.Table() as table):
-            yield "drive", TorqueByTime(drive.body, _by_time(table, drive.clock_s))
+            return _by_time(table, drive.clock_s)
         case data.Torque(float() | int() as torque):
-            yield "drive", Torque(drive.body, torque)
+            return loads.Constant(torque)
         case data.Motor(table=data.Table() as table):
-            yield "drive", TorqueBySpeed(drive.body, _held(table))
+            return loads.BySpeed(_held(table))
         case data.Motor(stall, speed):
-            yield "drive", MotorTorque(drive.body, stall, speed)
-
-
-def _parts(load: data.Load, clock_s: float) -> Iterator[tuple[str, Load]]:
-    """Yield the parts of a load by their names."""
-    if load.line is not None:
-        line = along(load.line)
-        if load.force_N:
-            yield "force", ConstantForce(*line, load.force_N)
-        if load.viscous_N_s_m:
-            yield "viscous", LineDamper(*line, load.viscous_N_s_m)
-        if load.spring_N_m:
-            yield "spring", LineSpring(*line, load.spring_N_m, load.free_position_m)
-        if load.gas is not None:
-            table = load.gas.table
-            yield "gas", GasForce(*line, load.gas.body, pieces_of(curve_of(table), table.period))
-        if load.force_by_time is not None:
-            yield "by_time", ForceByTime(*line, _by_time(load.force_by_time, clock_s))
-    if load.torque_N_m:
-        yield "torque", Torque(load.body, load.torque_N_m)
-    if load.viscous_N_m_s:
-        yield "turning_viscous", TurningDamper(load.body, load.viscous_N_m_s)
-    if load.torque_by_time is not None:
-        yield "torque_by_time", TorqueByTime(load.body, _by_time(load.torque_by_time, clock_s))
+            return loads.Motor(stall, speed)
+    return None
 
 
 def along(line: data.Line) -> tuple[int, data.Point, int, data.Point, float]:
@@ -168,8 +133,8 @@ def along(line: data.Line) -> tuple[int, data.Point, int, data.Point, float]:
     return line.body_i, line.point_i, line.body_j, line.point_j, line.angle_rad
 
 
-def _by_time(table: data.Table, clock_s: float) -> PiecewiseCubic:
-    return pieces_of(curve_of(table), x=-clock_s)
+def _by_time(table: data.Table, clock_s: float) -> ByTime:
+    return ByTime(pieces_of(curve_of(table), x=-clock_s))
 
 
 def _held(table: data.Table) -> PiecewiseCubic:

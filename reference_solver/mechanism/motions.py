@@ -55,24 +55,6 @@ def pieces_of(curve: "PPoly", period: float = 0.0, x: float = 0.0, y: float = 0.
     return PiecewiseCubic(tuple(rows.ravel().tolist()), period)
 
 
-def piece(p: FloatArray, place: float, pieces: float, period: float, x: float) -> tuple[float, ...]:
-    """Return s and the four coefficients of the piece that x is in, of a table that begins at len(p) + place.
-
-    The first and the last piece go on for ever; with a period, x is taken back into it.
-    """
-    first, low, high = len(p) + int(place), 0, int(pieces)
-    if period > 0.0:
-        x -= period * ((x - p[first]) // period)
-    while high - low > 1:
-        middle = (low + high) // 2
-        if x < p[first + 5 * middle]:
-            high = middle
-        else:
-            low = middle
-    row = first + 5 * low
-    return x - p[row], p[row + 1], p[row + 2], p[row + 3], p[row + 4]
-
-
 @dataclass(frozen=True)
 class PiecewiseCubic:
     """A function of one variable by its pieces: of each, one after the other, a ``ROW`` of numbers.
@@ -88,14 +70,10 @@ class PiecewiseCubic:
         return np.array(self.rows)
 
     @property
-    def straight(self) -> bool:
-        """Whether all pieces are straight lines, so that the function has kinks where they meet."""
-        return not self._array.reshape(-1, ROW)[:, 3:].any()
-
-    @property
     def knots(self) -> list[float]:
         """Where pieces begin that are more than round-off away from the one before, gone on."""
-        begins, value, degree = self._array[::ROW], np.abs(self._array[1::ROW]), 1 if self.straight else 3
+        begins, value = self._array[::ROW], np.abs(self._array[1::ROW])
+        degree = 3 if self._array.reshape(-1, ROW)[:, 3:].any() else 1  # of straight lines
         highest, wide = self._array[1 + degree :: ROW], np.diff(begins, append=begins[-1])
         jump, wide = highest - np.roll(highest, 1), np.maximum(wide, np.roll(wide, 1))
         matters = np.abs(jump) * wide**degree > SMOOTH * value.max()
@@ -106,8 +84,12 @@ class PiecewiseCubic:
         return PlacedTable(-float(len(self.rows) + behind), len(self.rows) / ROW, self.period)
 
     def at(self, x: Scalar) -> Moved:
-        """Return the function and its first two derivatives at a number or at a tape's value."""
-        return _cubic(*piece(self._array, -len(self.rows), len(self.rows) / ROW, self.period, x))
+        """Return the function and its first two derivatives at a number: the outer pieces go on for ever."""
+        rows = self._array.reshape(-1, ROW)
+        if self.period:
+            x -= self.period * np.floor((x - rows[0, 0]) / self.period)
+        begin, *coefficients = rows[max(0, np.searchsorted(rows[:, 0], x, side="right") - 1)]
+        return _cubic(x - begin, *coefficients)
 
 
 @dataclass(frozen=True)
@@ -190,13 +172,8 @@ def fastest(motion: Motion) -> float:
             return float(np.abs(motion.table.rows[2::ROW]).max())
 
 
-def has_knots(motion: Motion) -> bool:
-    """Return whether a motion may have times at which it is not smooth."""
-    return isinstance(motion, Ramp | Course)
-
-
 def knots_s(motion: Motion, longest_step_s: float) -> list[float]:
-    """Return these times in s; of a ramp that is short for the longest step also some within it."""
+    """Return times in s at which a motion is not smooth; of a ramp short for the step also some within."""
     if isinstance(motion, Ramp):
         parts = 1 if motion.duration_s >= FEWEST_STEPS * longest_step_s else FEWEST_STEPS
         return [motion.start_s + k * motion.duration_s / parts for k in range(parts + 1)]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from reference_solver.mechanism.data import GROUND, Ends, Point
+from reference_solver.mechanism.data import GROUND, Ends, Line, Point
 from reference_solver.tape import Array, Scalar, array, cos, sin
 
 
@@ -74,6 +74,12 @@ class State:
 def ends_of(part: Ends, state: State) -> tuple[MovingPoint, MovingPoint]:
     """Return the points of bodies i and j: of a joint with clearance the bearing's centre and the pin's."""
     return state.point(part.body_i, part.point_i), state.point(part.body_j, part.point_j)
+
+
+def line_at(line: Line, state: State) -> tuple[MovingPoint, MovingPoint, Array, Array, Array]:
+    """Return the points i and j of a line, u along it and n across it, and d = p_j - p_i."""
+    (i, j), u = ends_of(line, state), state.direction(line.body_i, line.angle_rad)
+    return i, j, u, array([-u[1], u[0]]), j.place - i.place
 
 
 # u.d' = u.(p_j' - p_i') along a direction u: the row of a ``following`` with u for d

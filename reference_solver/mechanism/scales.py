@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reference_solver.mechanism.constraints import PrescribedMotion, PrescribedSlide
+from reference_solver.mechanism.constraints import Driver, PrescribedMotion
 from reference_solver.mechanism.data import GROUND, Ends
-from reference_solver.mechanism.loads import AlongLine, ForceByTime, Load, TorqueByTime
+from reference_solver.mechanism.loads import ByAngle, ByTime, Constant, Force, Torque
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.mechanism.motions import ROW, PiecewiseCubic, fastest
+from reference_solver.mechanism.motions import ROW, fastest
 from reference_solver.tape import FloatArray
 
 
@@ -33,12 +33,10 @@ def scales_of(
     bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
     length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
     swing = np.sqrt(np.hypot(mechanism.gravity_m_s2, mechanism.gravity_x_m_s2) / length)
-    pushed = max((_push(load, mechanism, end_time_s) for load in mechanism.loads), default=0.0)
-    turned = max((_turn(load, mechanism, end_time_s) for load in mechanism.loads), default=0.0)
-    swing = max(swing, np.sqrt(pushed / length), np.sqrt(turned))
-    turns = (fastest(c.motion) for c in mechanism.constraints if isinstance(c, PrescribedMotion))
-    slides = (fastest(c.motion) / length for c in mechanism.constraints if isinstance(c, PrescribedSlide))
-    driven = max([0.0, *turns, *slides])
+    swing = max([swing, *(_push(load, mechanism, length, end_time_s) for load in mechanism.forces)])
+    drivers = (c for c in mechanism.constraints if isinstance(c, Driver))
+    lengths = ((c, 1.0 if isinstance(c, PrescribedMotion) else length) for c in drivers)
+    driven = max((fastest(c.motion) / size for c, size in lengths), default=0.0)
     rate = max(rate_of(v, length), np.sqrt(rate_of(acceleration, length)), swing, driven)
     if not (np.isfinite(rate) and rate > 0):
         rate = 1.0 / end_time_s if end_time_s > 0 else 1.0
@@ -51,28 +49,21 @@ def _longest_arm(mechanism: Mechanism) -> float:
     return max((float(np.hypot(*getattr(part, f"point_{s}"))) for part, s in ends), default=0.0)
 
 
-def _push(load: Load, mechanism: Mechanism, end_time_s: float) -> float:
-    """Return the largest acceleration that a force along a line gives one of its bodies alone, in m/s^2."""
-    force = getattr(load, "force_N", 0.0)
-    if not isinstance(load, AlongLine) or not force:
-        return 0.0
-    if isinstance(force, PiecewiseCubic):
-        force = _largest(force, end_time_s if isinstance(load, ForceByTime) else None)
-    ends = (load.body_i, load.body_j)
-    return float(abs(force)) / min((mechanism.bodies[k].mass_kg for k in ends if k != GROUND), default=np.inf)
-
-
-def _turn(load: Load, mechanism: Mechanism, end_time_s: float) -> float:
-    """Return the largest angular acceleration that a torque by the time gives its body alone, in 1/s^2."""
-    if not isinstance(load, TorqueByTime):
-        return 0.0
-    return _largest(load.torque_N_m, end_time_s) / mechanism.bodies[load.body].inertia_kg_m2
-
-
-def _largest(table: PiecewiseCubic, end: float | None) -> float:
-    """Return the largest size of a function where pieces begin, and at an end that is none of its own."""
-    last = 0.0 if end is None else table.at(end)[0]
-    return max(float(np.abs(table.rows[1::ROW]).max()), abs(float(last)))
+def _push(load: Force | Torque, mechanism: Mechanism, length: float, end_time_s: float) -> float:
+    """Return the rate in 1/s at which a load's largest force, or torque by the time, moves a body alone."""
+    match load.law:
+        case Constant(size) if isinstance(load, Force):
+            largest = abs(size)
+        case ByTime(table):  # where pieces begin, and at the end, which may be within one
+            largest = max(np.abs(table.rows[1::ROW]).max(), abs(table.at(end_time_s)[0]))
+        case ByAngle(table):
+            largest = np.abs(table.rows[1::ROW]).max()
+        case _:
+            return 0.0
+    if isinstance(load, Torque):
+        return float(np.sqrt(largest / mechanism.bodies[load.body].inertia_kg_m2))
+    masses = [mechanism.bodies[k].mass_kg for k in (load.body_i, load.body_j) if k != GROUND]
+    return float(np.sqrt(largest / min(masses, default=np.inf) / length))
 
 
 def rate_of(change: FloatArray, length_m: float) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.mechanism.data import GROUND, Point, Spring
-from reference_solver.mechanism.loads import Torque
+from reference_solver.mechanism.loads import Constant, Torque
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
 
@@ -22,8 +22,8 @@ def potential_energy_J(mechanism: Mechanism, q: FloatArray) -> FloatArray:
     masses = np.array([body.mass_kg for body in mechanism.bodies])
     energy = mechanism.gravity_m_s2 * q[:, 1::3] @ masses
     for load in mechanism.loads:
-        if isinstance(load, Torque):
-            energy = energy - load.torque_N_m * q[:, 3 * load.body + 2]
+        if isinstance(load, Torque) and isinstance(load.law, Constant):
+            energy = energy - load.law.size * q[:, 3 * load.body + 2]
         if isinstance(load, Spring):
             ends = place(q, load.body_j, load.point_j) - place(q, load.body_i, load.point_i)
             stretch = np.hypot(*ends.T) - load.free_length_m
@@ -46,4 +46,4 @@ def energy_residual_J(run: Solution) -> FloatArray:
     It is the energy gained, less the drivers' work, plus what the contacts have dissipated.
     """
     energy = kinetic_energy_J(run.mechanism, run.v) + potential_energy_J(run.mechanism, run.q)
-    return np.asarray(energy - energy[0] - run.constraint_work_J + run.losses_J())
+    return np.asarray(energy - energy[0] - run.sums["drivers"] + run.losses_J())

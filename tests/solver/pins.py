@@ -9,6 +9,7 @@ from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Point
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice, solve
+from reference_solver.tape import FloatArray
 
 GRAVITY, MASS, INERTIA, CLEARANCE, RADIUS = 9.81, 0.1, 1e-4, 5e-4, 0.01
 
@@ -48,3 +49,11 @@ def run(
 def lambert(a: float) -> float:
     """Return the restitution that F = K delta^n (1 + a delta'/v0) really gives at any K, m, v0, n."""
     return float((1 + np.real(lambertw(-(1 + a) * np.exp(-(1 + a))))) / a)
+
+
+def joint_force_N(run: Solution) -> FloatArray:
+    """Return the bearing's force on the pin, (s, K, 2): -normal n + friction t with n along d."""
+    d = run.gap_m
+    n = d / np.where(run.closed, np.hypot(d[..., 0], d[..., 1]), 1.0)[..., None]
+    t = np.stack([-n[..., 1], n[..., 0]], axis=-1)
+    return np.asarray(run.friction_force_N[..., None] * t - run.normal_force_N[..., None] * n)

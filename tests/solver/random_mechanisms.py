@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import product
 from typing import Any, get_args
 
 import numpy as np
@@ -23,8 +24,9 @@ from reference_solver.mechanism.data import (
     Guide,
     Pin,
     Ramp,
+    Spring,
 )
-from reference_solver.mechanism.loads import Load
+from reference_solver.mechanism.loads import Force, Law, Torque
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import PiecewiseCubic
 from reference_solver.methods import RK4, dop853
@@ -32,7 +34,8 @@ from reference_solver.run import CONTACT_RECORD
 
 FloatArray = NDArray[np.float64]
 CONSTRAINTS: tuple[type, ...] = get_args(Constraint)
-LOADS: tuple[type, ...] = get_args(Load)
+#: Loads by where they act, and by their laws; of a spring there is none.
+LOADS = (Spring, *product((Torque, Force), get_args(Law)))
 MOTIONS = (ConstantSpeed(1.3), Ramp(0.4, -2.0, 0.9), Fluctuation(0.5, 1.1, 7.0, 0.3))
 #: Depths and speeds are of order one, so that contacts do not magnify rounding.
 LAWS: tuple[ContactLaw | RigidWall, ...] = (
@@ -67,7 +70,7 @@ class Recipe:
 
     bodies: int
     constraints: Sequence[type] = ()
-    loads: Sequence[type] = ()
+    loads: Sequence[Any] = ()
     walls: Sequence[tuple[int, int, bool]] = ()
     stabilisation: str = "none"
     controlled: bool = False
@@ -76,8 +79,9 @@ class Recipe:
     def topology(self) -> Topology:
         """Return the mechanism with what its kernel is written for."""
         random = np.random.default_rng(self.seed)
-        kinds = [Body] * self.bodies, self.constraints, self.loads
-        bodies, constraints, loads = (tuple(part(of, random, self.bodies) for of in each) for each in kinds)
+        kinds = [Body] * self.bodies, self.constraints
+        bodies, constraints = (tuple(part(of, random, self.bodies) for of in each) for each in kinds)
+        loads = tuple(load(of, random, self.bodies) for of in self.loads)
         contacts = tuple(
             part(ClearanceJoint, random, self.bodies, law=LAWS[law], friction=FRICTIONS[friction])
             for law, friction, _ in self.walls
@@ -128,6 +132,14 @@ def part(kind: type, random: Generator, bodies: int, **given: Any) -> Any:
     return kind(**{of.name: value(of) for of in fields(kind)})
 
 
+def load(kind: Any, random: Generator, bodies: int) -> Any:
+    """Return a spring, or a load by where it acts and its law."""
+    if kind is Spring:
+        return part(Spring, random, bodies)
+    where, law = kind
+    return part(where, random, bodies, law=part(law, random, bodies))
+
+
 def table(random: Generator) -> PiecewiseCubic:
     """Return a function of three pieces, that jumps."""
     return PiecewiseCubic(
@@ -162,9 +174,9 @@ def outcomes(recipe: Recipe) -> tuple[dict[str, FloatArray], dict[str, FloatArra
     y = np.zeros(place + 1 + 2 * n)
     y[:n], y[n : 2 * n], y[place], y[place + 1 :] = q, v, h, lost
     compiled, numbers = dict[str, FloatArray](), dict[str, FloatArray]()
-    for name in kernel.names:
+    for name in FUNCTIONS.keys() & kernel.functions.keys():
         numbers[name] = np.array(FUNCTIONS[name](given), dtype=float)
         out = np.full(len(numbers[name]) - 1, np.nan)
-        condition = kernel[name](kernel.p, contacts.ctypes.data, t, y, out)
+        condition = kernel.functions[name](kernel.p, contacts.ctypes.data, t, y, out)
         compiled[name] = np.array([*out, condition])
     return compiled, numbers

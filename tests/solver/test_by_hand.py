@@ -19,7 +19,7 @@ from reference_solver.mechanism.contacts import (
     stiffness_of,
 )
 from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Pin
-from reference_solver.mechanism.loads import Torque
+from reference_solver.mechanism.loads import Constant, Torque
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, dop853, dopri5
@@ -32,7 +32,7 @@ LEVEL = np.array([D, 0.0, 0.0])
 
 
 def test_a_free_body_falls_and_spins_up() -> None:
-    free = Mechanism((Body(M, I),), (), loads=(Torque(0, 6.0),), gravity_m_s2=G)
+    free = Mechanism((Body(M, I),), (), loads=(Torque(0, Constant(6.0)),), gravity_m_s2=G)
     acceleration, _ = Equations(free, np.zeros(3)).accelerations(0.0, np.zeros(3), np.zeros(3))
     np.testing.assert_allclose(acceleration, [0.0, -G, 6.0 / I])
 
@@ -129,7 +129,7 @@ def test_ambrosios_friction_is_a_ramp_past_its_dead_band() -> None:
 
 @pytest.mark.parametrize("method", [RK4, dopri5(), dop853()], ids=["RK4", "DOPRI5", "DOP853"])
 def test_weights_integrate_powers_of_time_up_to_the_order(method: Method) -> None:
-    weights, nodes = np.array(method.weights), np.array(method.nodes)
+    weights, nodes = np.array(method.weights), np.array(method.nodes[: len(method.weights)])
     for k in range(method.order):
         assert weights @ nodes**k == pytest.approx(1 / (k + 1), abs=1e-14), k
     for node, row in zip(method.nodes, method.matrix, strict=True):

@@ -15,7 +15,7 @@ from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.run import Impact
 from tests.helpers.kernels import straight_guide
 from tests.helpers.mechanism_energy import energy_residual_J, kinetic_energy_J, place
-from tests.solver.pins import run
+from tests.solver.pins import joint_force_N, run
 
 FloatArray = NDArray[np.float64]
 #: A product of a few numbers, of a system of a few equations.
@@ -58,7 +58,7 @@ def test_two_pins_that_land_at_once_bounce_alike_and_come_to_rest_with_half_of_t
         assert a.energy_lost_J + b.energy_lost_J == pytest.approx(lost, rel=1e-12)
     assert pairs[-1][0].kind == "closing"
     assert found.closed[-1].all()
-    assert np.abs(found.joint_force_N[-1] - [0.0, weight / 2]).max() < ROUND_OFF * weight
+    assert np.abs(joint_force_N(found)[-1] - [0.0, weight / 2]).max() < ROUND_OFF * weight
     # Without symmetry lost to round-off the beam never turns; one unit in the last place may.
     assert np.abs(found.q[:, 2]).max() < 1e-12
     assert np.abs(energy_residual_J(found)).max() < 1e-12 * weight * CLEARANCE
@@ -117,7 +117,7 @@ def chain(random: Generator) -> tuple[Mechanism, FloatArray, FloatArray, FloatAr
     rows = np.zeros((2, 6))
     rows[:, 3:] = [*n, turning[0]], [*t, turning[1] + radius - WIDE]
     mechanism = Mechanism(bodies, (hinge,), contacts=(joint,))
-    B, v = Equations(mechanism, q).constraint_matrix(q), random.uniform(-1, 1, 6)
+    B, v = Equations(mechanism, q).system(0.0, q).B, random.uniform(-1, 1, 6)
     v -= np.linalg.pinv(B) @ (B @ v)
     if abs(rows[0] @ v) < 0.05:  # so slow a pin would be on its wall from the start
         return chain(random)
@@ -134,7 +134,7 @@ def test_an_impact_with_friction_never_creates_energy_and_keeps_newtons_and_coul
         scale = ROUND_OFF * 10 * before_J
         assert after_J <= before_J + scale, f"case {case}: {after_J - before_J:.1e} J created"
         assert abs(before_J - after_J - impact.energy_lost_J) <= scale, f"case {case}: the loss is not that"
-        hinge = np.abs(Equations(mechanism, q).constraint_matrix(q) @ after).max()
+        hinge = np.abs(Equations(mechanism, q).system(0.0, q).B @ after).max()
         assert hinge < CHANGED, f"case {case}: the hinge opens at {hinge:.1e} m/s"
         outward, sliding = rows @ after
         assert isinstance(joint.law, RigidWall)
@@ -167,7 +167,7 @@ def test_without_friction_the_loss_is_the_closed_form_of_the_mass_that_the_ideal
         after, (impact,) = hit(replace(mechanism, contacts=(replace(joint, friction=None),)), q, v)
         equations, outward, e = Equations(mechanism, q), rows[0] @ v, joint.law.restitution
         # The paper's formula with the contact's row in B, by a full inverse.
-        B = np.vstack([equations.constraint_matrix(q), rows[0]])
+        B = np.vstack([equations.system(0.0, q).B, rows[0]])
         inverse = np.linalg.inv((B * equations.inverse_mass) @ B.T)
         paper = v - equations.inverse_mass * (B.T @ (inverse[:, -1] * (1 + e) * outward))
         assert np.abs(after - paper).max() < CHANGED * np.abs(v).max()

@@ -13,16 +13,8 @@ from reference_solver.equations import Equations
 from reference_solver.failures import InconsistentStart, NonFiniteState, SingularConfiguration
 from reference_solver.mechanism.constraints import PrescribedMotion, PrescribedSlide
 from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall
-from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Fluctuation, Guide, Pin, Spring
-from reference_solver.mechanism.loads import (
-    AlongLine,
-    ConstantForce,
-    ForceByTime,
-    GasForce,
-    LineDamper,
-    LineSpring,
-    Load,
-)
+from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Fluctuation, Guide, Line, Pin, Spring
+from reference_solver.mechanism.loads import ByAngle, ByTime, Constant, Damping, Force, Restoring
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import PiecewiseCubic
 from reference_solver.solver import ErrorControl
@@ -59,18 +51,20 @@ def test_rows_of_constraints_are_the_derivatives_of_their_gaps() -> None:
     q, v, start = np.linspace(-1.0, 1.4, 9), np.linspace(2.0, -1.5, 9), np.linspace(0.3, -0.2, 9)
     equations = Equations(Mechanism((Body(1.0, 1.0),) * 3, constraints), start)
     of_angles_and_ways = [3, 5, *range(7, 13)]
-    assert not equations.violation(0.0, start)[of_angles_and_ways].any(), "these count from the start"
-    B, turned = equations.constraint_matrix(q), 0.4 * at + 1.3 / 5.0 * (np.cos(0.2) - np.cos(5.0 * at + 0.2))
-    moved = equations.violation(at, q) - equations.violation(0.0, q)
+    assert not equations.system(0.0, start).g[of_angles_and_ways].any(), "these count from the start"
+    B, turned = equations.system(0.0, q).B, 0.4 * at + 1.3 / 5.0 * (np.cos(0.2) - np.cos(5.0 * at + 0.2))
+    moved = equations.system(at, q).g - equations.system(0.0, q).g
     assert moved[8:] == pytest.approx([-4.0 * at, *[-turned] * 4, 0.0, 0.0])
     for column, way in enumerate(np.eye(9)):
-        found = rate(lambda x, way=way: equations.violation(0.0, q + x * way))  # type: ignore[misc]
+        found = rate(lambda x, way=way: equations.system(0.0, q + x * way).g)  # type: ignore[misc]
         assert np.abs(found - B[:, column]).max() < DIFFERENCE, column
-    found = rate(lambda x: equations.constraint_matrix(q + x * v) @ v)
-    assert np.abs(found - equations.centripetal(q, v)).max() < DIFFERENCE
-    assert np.abs(rate(lambda x: equations.violation(at + x, q)) + equations.speeds(at)).max() < DIFFERENCE
+    found = rate(lambda x: equations.system(0.0, q + x * v).B @ v)
+    assert np.abs(found - equations.system(0.0, q, v).B_dot_v).max() < DIFFERENCE
+    assert (
+        np.abs(rate(lambda x: equations.system(at + x, q).g) + equations.system(at, q).C).max() < DIFFERENCE
+    )
     accelerated = equations.system(at, q, v).C_dot
-    assert np.abs(rate(lambda x: equations.speeds(at + x)) - accelerated).max() < DIFFERENCE
+    assert np.abs(rate(lambda x: equations.system(at + x, q).C) - accelerated).max() < DIFFERENCE
 
 
 # Loads
@@ -89,7 +83,7 @@ def cubic(x: float) -> float:
     return 2.0 - 0.5 * x + 0.3 * x**2 - 0.04 * x**3
 
 
-def way(line: AlongLine, q: FloatArray) -> float:
+def way(line: Line, q: FloatArray) -> float:
     """Return s: how far along the line, from its point, the point of body j is."""
 
     def place(body: int, point: tuple[float, float]) -> complex:
@@ -101,25 +95,25 @@ def way(line: AlongLine, q: FloatArray) -> float:
     return float((apart * np.exp(-1j * angle)).real)
 
 
-def along(line: tuple[int, tuple[float, float], int, tuple[float, float], float]) -> tuple[Load, ...]:
-    force, spring = ConstantForce(*line, 3.0), LineSpring(*line, 40.0, 0.2)
-    return force, spring, LineDamper(*line, 5.0), GasForce(*line, 1, CUBIC), ForceByTime(*line, CUBIC)
+def along(line: tuple[int, tuple[float, float], int, tuple[float, float], float]) -> tuple[Force, ...]:
+    laws = Constant(3.0), Restoring(40.0, 0.2), Damping(5.0), ByAngle(CUBIC, 1), ByTime(CUBIC)
+    return tuple(Force(*line, law) for law in laws)
 
 
-@pytest.mark.parametrize("load", [*along(LINE), *along(FIXED)], ids=lambda load: type(load).__name__)
-def test_a_load_along_a_line_does_the_work_of_its_force_on_s(load: AlongLine) -> None:
+@pytest.mark.parametrize("load", [*along(LINE), *along(FIXED)], ids=lambda load: type(load.law).__name__)
+def test_a_load_along_a_line_does_the_work_of_its_force_on_s(load: Force) -> None:
     row = np.array([rate(lambda x, by=by: np.float64(way(load, Q + x * by))) for by in np.eye(6)])  # type: ignore[misc]
     forces = {
-        ConstantForce: 3.0,
-        LineSpring: -40.0 * (way(load, Q) - 0.2),
-        LineDamper: -5.0 * (row @ V),
-        GasForce: cubic(Q[5]),
-        ForceByTime: cubic(NOW),
+        Constant: 3.0,
+        Restoring: -40.0 * (way(load, Q) - 0.2),
+        Damping: -5.0 * (row @ V),
+        ByAngle: cubic(Q[5]),
+        ByTime: cubic(NOW),
     }
-    expected = forces[type(load)] * row
+    expected = forces[type(load.law)] * row
     equations = Equations(Mechanism(BODIES, (), (load,)), Q)
-    assert np.abs(equations.applied_force(NOW, Q, V) - expected).max() < 10 * DIFFERENCE
-    if isinstance(load, ConstantForce | LineSpring):
+    assert np.abs(equations.forces(NOW, Q, V)[0] - expected).max() < 10 * DIFFERENCE
+    if isinstance(load.law, Constant | Restoring):
         assert np.abs(equations.stored_force(Q) - expected).max() < 10 * DIFFERENCE
     else:
         assert not equations.stored_force(Q).any()
@@ -129,7 +123,7 @@ def test_a_load_along_a_line_does_the_work_of_its_force_on_s(load: AlongLine) ->
 
 def test_loads_between_free_bodies_keep_momentum_and_the_ledger_closes() -> None:
     spring = Spring(0, (0.1, 0.0), 1, (0.0, 0.2), 30.0, 4.0, 0.5)
-    mechanism = Mechanism(BODIES, (), (*along(LINE)[:4], ForceByTime(*LINE, TABLE), spring))
+    mechanism = Mechanism(BODIES, (), (*along(LINE)[:4], Force(*LINE, ByTime(TABLE)), spring))
     found = run(mechanism, Q, V, 1.0, 500)
     masses, inertias = np.array([[body.mass_kg, body.inertia_kg_m2] for body in BODIES]).T
     x, y, _ = found.q.reshape(-1, 2, 3).transpose(2, 0, 1)
@@ -146,7 +140,7 @@ def test_a_force_by_time_is_exact_where_its_lines_are_since_steps_land_on_its_ki
     step: int | ErrorControl, bound: float
 ) -> None:
     mass, tilt, g, g_x = 2.0, 0.4, 9.81, 3.0
-    force = ForceByTime(GROUND, (0.0, 0.0), 0, (0.0, 0.0), tilt, TABLE)
+    force = Force(GROUND, (0.0, 0.0), 0, (0.0, 0.0), tilt, ByTime(TABLE))
     guide = straight_guide(0, (0.0, 0.0), tilt)
     block = Mechanism((Body(mass, 1.0),), guide, (force,), g, gravity_x_m_s2=g_x)
     found = run(block, np.zeros(3), np.zeros(3), 1.0, step)

@@ -61,7 +61,7 @@ def test_a_stage_close_to_a_singular_position_is_stepped_around(place: float) ->
 def test_the_ledger_has_all_lines_and_a_run_that_gains_a_thousandth_is_refused() -> None:
     mechanism, q, v, h = CASES["ideal-torque"]()
     found = run(mechanism, q, v, 1000 * h, 1000, 50)
-    lines = ledger_J(found).sum(axis=0) - found.stabilisation_loss_J
+    lines = ledger_J(found).sum(axis=0) - found.sums["removed"]
     np.testing.assert_allclose(lines, energy_residual_J(found), rtol=0, atol=1e-12)
     scales = Scales(0.12, 100.0)
     Guard(found, scales, h).check_energy()

@@ -16,10 +16,9 @@ from hypothesis import assume, example, given, settings
 
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
-from reference_solver import kernel
 from reference_solver.equations import Equations
 from reference_solver.kernel import Program, Topology, program_of
-from reference_solver.machine_code import HEAD, FunctionText, compile_text, known_numbers
+from reference_solver.machine_code import HEAD, FunctionText, compile_text, parameters_text
 from reference_solver.mechanism.data import Body
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import PiecewiseCubic
@@ -70,10 +69,11 @@ def run(
 ) -> list[float]:
     """Return what machine code of such a function makes of a, b and c."""
     text, parameters = written(function, known)
-    p = np.array(known_numbers(parameters, dict(zip(NAMES, values, strict=True))))
-    out = np.zeros(text.count("store double"))
-    of = compile_text(HEAD + text, ["of"])["of"]
-    assert of(p.ctypes.data, 0, 0.0, np.array(values, dtype=float), out) == 1.0
+    p, y, out = np.zeros(len(parameters)), np.array(values, dtype=float), np.zeros(text.count("store double"))
+    text += parameters_text(parameters, lambda name: ("y", NAMES.index(name)))
+    functions = compile_text(HEAD + text, ["of", "parameters"])
+    functions["parameters"](0, 0, 0.0, y, p)
+    assert functions["of"](p.ctypes.data, 0, 0.0, y, out) == 1.0
     return [float(x) for x in out]
 
 
@@ -154,7 +154,9 @@ def test_a_table_is_looked_up_as_in_numbers(period: float) -> None:
     results = [*replace(table.placed(), place=tape.input("place", known=True)).at(tape.input("x")), 1.0]
     parameters: dict[Node, int] = {}
     text = FunctionText("of", tape, results, lambda _: ("y", 0), parameters).text
-    p = np.array([*rows, *known_numbers(parameters, {"place": table.placed().place})])
+    (node,) = parameters
+    assert node.operands == ("place",)
+    p = np.array([*rows, table.placed().place])
     of, out = compile_text(HEAD + text, ["of"])["of"], np.zeros(3)
     for x in (-7.3, -0.3, -0.25, 0.1, 0.5, 1.3, 1.69, 1.7, 9.9):
         of(p.ctypes.data + 8 * len(rows), 0, 0.0, np.array([x]), out)
@@ -187,12 +189,11 @@ def test_a_kernel_contains_nothing_that_its_mechanism_does_not_and_serves_all_of
 
 def test_a_long_chain_moves_by_the_accelerations_of_its_whole_matrix() -> None:
     links = 41
-    assert links > kernel.LARGEST_INLINE, "its step calls its parts"
     q, v = chain_start(np.linspace(0, 1, links), np.linspace(1, -1, links))
     found = run_of(chain(links), q, v, 1e-3, 1, 1)
     equations = Equations(chain(links), q)
-    B, weight = equations.constraint_matrix(q), equations.inverse_mass
-    right = -equations.centripetal(q, v) - B @ (weight * equations.applied_force(0.0, q, v))
+    B, weight = equations.system(0.0, q).B, equations.inverse_mass
+    right = -equations.system(0.0, q, v).B_dot_v - B @ (weight * equations.forces(0.0, q, v)[0])
     dense = np.linalg.solve((B * weight) @ B.T, right)
     assert np.abs(found.multipliers[0] - dense).max() <= 1e-9 * np.abs(dense).max()
 
@@ -229,7 +230,7 @@ def test_factors_solve_the_equations_of_a_mechanism_as_their_whole_matrix_does(r
     equations = Equations(topology.mechanism, q_start)
     answer = equations.answer(0.3, q, v)
     assume(answer.condition < WELL_CONDITIONED)
-    system, F = equations.system(0.3, q, v), equations.applied_force(0.3, q, v)
+    system, F = equations.system(0.3, q, v), equations.forces(0.3, q, v)[0]
     B, rows = np.asarray(system.B, dtype=float), len(system.B)
     whole = np.block([[np.diag(equations.mass.astype(float)), -B.T], [B, np.zeros((rows, rows))]])
     dense = np.linalg.solve(whole, np.array([*F, *(system.C_dot - system.B_dot_v)], dtype=float))
