@@ -57,12 +57,9 @@ Metres = Annotated[float, Field(gt=0), in_words("m")]
 
 
 def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a function that refuses arguments other than its annotations say, before it begins.
+    """Return a function that refuses arguments other than its annotations say by BadInput, before it begins.
 
     NumPy's numbers and arrays are taken as Python's own. What is raised inside the function stays as it is.
-
-    Raises:
-        BadInput: an argument is missing, unknown or of another kind.
     """
     signature, name = inspect.signature(function), function.__name__
     kinds = {key: each.annotation for key, each in signature.parameters.items() if key != "self"}

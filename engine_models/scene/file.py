@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -27,10 +27,9 @@ HEAD, KEY = re.compile(rf"\s*\[\s*({PATH})\s*\]"), re.compile(rf"\s*({PATH})\s*=
 
 
 def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
-    """Return the scene that a TOML text describes with some changes; files of tables are in a folder.
+    """Return the scene that a TOML text describes with some changes; raise SceneError if it is none.
 
-    Raises:
-        SceneError: the text is not TOML or not a scene.
+    Files of tables are in a folder.
     """
     try:
         data = tomllib.loads(text)
@@ -43,11 +42,8 @@ def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene
 def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
     """Return the scene in a TOML file, or in what the shell has opened: ``/dev/stdin``, ``/dev/fd/3``.
 
-    It is looked at with the changes alone, which an ``option`` has asked for.
-
-    Raises:
-        SceneError: the file cannot be read, is too large, is not UTF-8 text, not TOML or not a scene. What is
-            wrong in it is told with the file and the line, what is with a change with the option.
+    It is looked at with the changes alone, which an ``option`` has asked for. Raises SceneError where it is
+    none: what is wrong in the file is told with the line, what is with a change with the option.
     """
     try:
         text = read_text(path, "a scene")
@@ -71,14 +67,14 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
 
 def sources(path: Path, changes: Fields = NONE) -> list[Path]:
     """Return the files that a scene was loaded from: its own and those of its tables."""
-    data = with_fields(tomllib.loads(read_text(path, "a scene")), changes)
-    return [path, *(folder_of(path) / name for name in _files(data))]
-
-
-def _files(data: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the names of files in the data of a scene."""
-    for key, value in data.items():
-        yield from _files(value) if isinstance(value, Mapping) else [str(value)] if key == "file" else []
+    files, sections = (
+        [path],
+        list[Mapping[str, Any]]([with_fields(tomllib.loads(read_text(path, "a scene")), changes)]),
+    )
+    for section in sections:
+        sections += [part for part in section.values() if isinstance(part, Mapping)]
+        files += [folder_of(path) / str(section["file"])] if "file" in section else []
+    return files
 
 
 def folder_of(path: Path) -> Path:

@@ -43,7 +43,7 @@ SAME_SPEED = 1e-6
 STEPS = 1e-60, 1e60
 #: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
 FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
-#: Columns of drives with a table; what each kind needs, and may have; what is in place of it along a guide.
+#: Columns of drives with a table; what each kind needs, of a body; and what it may have.
 TABLES: dict[object, tuple[str, ...]] = {
     "table": ("time_s", "angle_rad", "position_m"),
     "torque": ("time_s", "torque_N_m"),
@@ -57,11 +57,6 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "motor": ("stall_torque_N_m", "no_load_speed_rad_s"),
 }
 MAY_HAVE = {"fluctuating": ("phase_rad",), "torque": ("time_s",)}
-ALONG = {
-    "final_speed_rad_s": "final_speed_m_s",
-    "amplitude_rad_s": "amplitude_m_s",
-    "angle_rad": "position_m",
-}
 #: The units of the slopes at a table's ends, by the first of these columns that it has.
 SLOPES = {"position_m": "m/s", "angle_rad": "rad/s", "force_N": "N/s", "speed_rad_s": "N m s/rad"}
 
@@ -77,6 +72,7 @@ FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
 #: What names may have to be, in the words of refusals.
 BASE, MOVING, TURNING, END = "ground or another body", "a body or a guide", "a body, or none", "a body.pin"
 JOINT = "a pin of two bodies, of two at one place where three meet"
+PRINTED = "a string that is not empty and begins with neither a blank nor =, +, - or @"
 OBSERVED = "a pin's x or y, a body's angle or a guide's along"
 
 
@@ -131,15 +127,8 @@ Place = Annotated[float | Pair, expect("a finite number or a list of two")]
 LETTERS = expect("a name of letters, digits, _ and -, a letter first")
 PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$"), LETTERS]
 Named = dict[PartName, Value]
-#: Names of what a scene has, see ``names_of``.
 BodyName = Annotated[PartName, known("a body")]
 GuideName = Annotated[PartName, known("a guide")]
-BaseName = Annotated[PartName, known(BASE)]
-MovingName = Annotated[PartName, known(MOVING)]
-JointName = Annotated[PartName, known(JOINT)]
-EndName = Annotated[str, known(END)]
-TurningName = Annotated[str, known(TURNING)]
-ObservedName = Annotated[str, known(OBSERVED)]
 
 
 class SceneData(BaseModel):
@@ -163,11 +152,7 @@ class SceneData(BaseModel):
 
     @classmethod
     def checked(cls: type[Kind], data: Mapping[str, Any], folder: Path = Path(), **context: Any) -> Kind:
-        """Return what a mapping of its fields describes; files of tables are in a folder.
-
-        Raises:
-            SceneError: it is none.
-        """
+        """Return what a mapping describes, with tables in a folder; raise SceneError if it is none."""
         try:
             return cls.model_validate(data, context={"folder": folder, **context})
         except ValidationError as error:
@@ -179,11 +164,7 @@ class SceneData(BaseModel):
 
     @check_arguments
     def model_copy(self: Kind, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Kind:  # noqa: ARG002
-        """Return a copy with other values in some fields, checked as if it had been read from a file.
-
-        Raises:
-            SceneError: with them it is none.
-        """
+        """Return a copy with other values in some fields, checked as if it had been read from a file."""
         return self.checked(self.as_written() | dict(update or {}))
 
     def require(self, holds: bool, name: str, expected: str) -> None:
@@ -203,11 +184,10 @@ def _or_a_file(schema: dict[str, Any], kind: "type[Table]") -> None:
         schema["required"] = [name for name in schema["required"] if name not in lists]
         schema["oneOf"] = [{"required": lists}, {"required": ["file"]}]
     for drive, needed in NEEDED.items() if kind is Drive else ():
-        listed = [{"required": [name for name in needed if name not in ALONG]}]
-        then = {"anyOf": [*listed, *([{"required": ["file"]}] if drive in TABLES else [])]}
-        schema.setdefault("allOf", []).append(
-            {"if": {"properties": {"kind": {"const": drive}}}, "then": then}
-        )
+        ways = [[name for name in needed if "rad" not in name], *([["file"]] if drive in TABLES else [])]
+        then = {"anyOf": [{"required": names} for names in ways]}
+        condition = {"if": {"properties": {"kind": {"const": drive}}}, "then": then}
+        schema["allOf"] = [*schema.get("allOf", ()), condition]
 
 
 class Table(SceneData):
@@ -248,9 +228,7 @@ class Table(SceneData):
         if not columns and not isinstance(x, tuple):  # numbers in place of a table
             return self
         self.require(x is not None, x_name, f"a value beside a list {one_of(columns)}")
-        self.require(
-            columns != [], names[0], f"a list, of it or {one_of(names[1:])}" if names[1:] else "a list"
-        )
+        self.require(columns != [], names[0], f"a list of {one_of(names)}")
         fewest = FEWEST_POINTS[self.interpolation]
         require(len(x) >= fewest, x_name, f"at least {fewest} numbers", len(x))
         for name in columns:
@@ -296,7 +274,7 @@ class Guide(SceneData):
 
     body: BodyName
     pin: PartName
-    on: BaseName = "ground"
+    on: Annotated[PartName, known(BASE)] = "ground"
     through_m: Place = 0.0
     angle_rad: Angle = 0.0
     turns: bool = False
@@ -329,7 +307,7 @@ def names_of(ground: Ground, bodies: Mapping[str, Body], guides: Iterable[str]) 
 class Spring(SceneData):
     """A linear spring, and a damper, between two pins named ``body.pin``."""
 
-    between: Annotated[tuple[EndName, EndName], Field(strict=False)]
+    between: Annotated[tuple[Annotated[str, known(END)], Annotated[str, known(END)]], Field(strict=False)]
     stiffness_N_m: Positive
     free_length_m: NonNegative
     damping_N_s_m: NonNegative = 0.0
@@ -413,13 +391,17 @@ class Clearance(SceneData):
 # Loads
 
 
-class Cylinder(Table):
+class Gas(Table):
     """A force by an angle, as a periodic spline or straight lines, over one revolution or two.
 
-    Its last entry is the first again.
+    The angle is of a ``body``, that which is driven unless it is named. The last entry is the first again.
     """
 
+    COLUMNS = ("angle_rad", "force_N")
+
+    angle_rad: Angles
     force_N: Numbers
+    body: BodyName | None = None
 
     @property
     def by_angle(self) -> data.Table:
@@ -428,7 +410,7 @@ class Cylinder(Table):
         return self.table(name, "force_N", TURN if angle[-1] - angle[0] < 1.5 * TURN else 2 * TURN)
 
     @model_validator(mode="after")
-    def _repeats(self) -> "Cylinder":
+    def _repeats(self) -> "Gas":
         name, angle, force = self.COLUMNS[0], self.by_angle.x, self.force_N
         last, end = len(angle) - 1, angle[0] + self.by_angle.period
         turns = f"one revolution or two after the first, {angle[0] + TURN:.6g} or {angle[0] + 2 * TURN:.6g}"
@@ -439,15 +421,6 @@ class Cylinder(Table):
         require(closes, f"force_N.{last}", f"the first one again, {force[0]:g}", force[-1])
         self.require(self.end_slopes is None, "end_slopes", "nothing in a table that repeats")
         return self
-
-
-class Gas(Cylinder):
-    """A force by the angle of a ``body``, that which is driven unless it is named, as of a cylinder."""
-
-    COLUMNS = ("angle_rad", "force_N")
-
-    angle_rad: Angles
-    body: BodyName | None = None
 
 
 class ByTime(Table):
@@ -466,9 +439,9 @@ class Load(SceneData):
     By the way s along a line and its rate s': ``force_N`` is constant; ``viscous_N_s_m`` -c s', friction of a
     guide; ``spring_N_m`` -k (s - ``free_position_m``). On a body in a guide they act at the guide's pin along
     it, and push back on what it is on; ``guide`` names one where the body has two. On another body they act
-    on the centre of mass, along ``along_rad`` from the x axis of the global frame. By the angle phi of the
-    body: ``torque_N_m`` is constant, ``viscous_N_m_s`` -c phi'. ``gas`` goes by the angle of a body,
-    ``by_time`` by the drive's clock.
+    on the centre of mass, or at a ``pin`` of the body, along ``along_rad`` from the x axis of the global
+    frame. By the angle phi of the body: ``torque_N_m`` is constant, ``viscous_N_m_s`` -c phi'. ``gas`` goes
+    by the angle of a body, ``by_time`` by the drive's clock.
     """
 
     force_N: float | None = None
@@ -479,6 +452,7 @@ class Load(SceneData):
     torque_N_m: float | None = None
     viscous_N_m_s: NonNegative | None = None
     guide: PartName | None = None
+    pin: PartName | None = None
     along_rad: Angle | None = None
     gas: Gas | None = None
 
@@ -549,7 +523,8 @@ class Drive(Table):
         self.require(acts, "guide", "nothing with a torque, which acts on a body")
         table, by_speed = self.columns_of(kind), self.speed_rad_s is not None
         of_body = table if by_speed else NEEDED.get(kind, ())
-        needed = [ALONG.get(name, name) if along else name for name in of_body]
+        of_guide = [name.replace("rad_s", "m_s").replace("angle_rad", "position_m") for name in of_body]
+        needed = of_guide if along else of_body
         may = {*needed, *MAY_HAVE.get(kind, ()), *(("interpolation", "end_slopes") if table else ())}
         fields = type(self).model_fields
         given = {name for name in fields if getattr(self, name) != fields[name].default}
@@ -597,7 +572,7 @@ class PlacedStart(SceneData):
 
     angle_rad: dict[BodyName, Angle] = {}
     position_m: dict[GuideName, float] = {}
-    hold: Annotated[tuple[MovingName, ...], Field(strict=False)] = ()
+    hold: Annotated[tuple[Annotated[PartName, known(MOVING)], ...], Field(strict=False)] = ()
     speed_rad_s: dict[BodyName, float] = {}
     speed_m_s: dict[GuideName, float] = {}
     time_s: Clock = 0.0
@@ -615,10 +590,6 @@ class Top(SceneData):
     1e-100 s nothing happens, and steps are lost below the least numbers there are.
     """
 
-    name: Annotated[
-        str,
-        Field(pattern=r"^[^\s=+\-@＝＋－＠]"),
-        expect("a string that is not empty and begins with neither a blank nor =, +, - or @"),
-    ]
+    name: Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect(PRINTED)]
     end_time_s: Annotated[float, Field(gt=0, ge=1e-100)]
     gravity_m_s2: Annotated[NonNegative | Pair, expect("a finite number >= 0 or a list of two")] = 0.0

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError, WrapValidator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from engine_models.scene.bad_input import BadInput as BadInput
-from engine_models.scene.units import NUMBER, unit_of
+from engine_models.scene.units import unit_of
 
 JsonSchema = dict[str, Any]
 
@@ -29,6 +29,7 @@ WORDS = {
     r"a valid integer.*": "an integer",
     r"a valid (\w+).*": r"a \1",
     r"Field required": "a value",
+    r"None$": "nothing",
     r"(at (least|most) \d+ items?) after.*": r"\1",
 }
 #: Longest piece of the input that a message repeats, and most reasons that it gives.
@@ -80,7 +81,7 @@ def unknown(field: str, came: object, choices: Iterable[str], expected: str = ""
 
 def unknown_key(key: object, known: Iterable[str]) -> str:
     """Return the refusal of a key that is none of a part's."""
-    return unknown(shown_key(key), key, known, f"the key {one_of([*known])}", "an unknown key")
+    return unknown(shortened(typed(key)) or '""', key, known, f"the key {one_of([*known])}", "an unknown key")
 
 
 def shown(value: object) -> str:
@@ -94,25 +95,12 @@ def shown(value: object) -> str:
     return "nothing" if value is None else shortened(typed(value))
 
 
-def shown_key(key: object) -> str:
-    """Return a key as a TOML file would have it, shortened."""
-    return shortened(typed(key)) or '""'
-
-
 def typed(value: object) -> str:
     """Return a value as it would be typed on a command line."""
     try:
         return str(value)
     except ValueError:  # an integer of thousands of digits
         return "a huge integer"
-
-
-def setting(value: object) -> str:
-    """Return a value as it would be typed, what Python alone takes for a number in quotes."""
-    try:
-        return typed(value) if NUMBER.fullmatch(typed(value)) else f"'{float(typed(value))}'"
-    except ValueError:
-        return typed(value)
 
 
 def shortened(text: str, longest: int = LONGEST) -> str:
@@ -144,11 +132,12 @@ def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
     kind, context, path, of_key = error["type"], error.get("ctx", {}), list[str](), "[key]" in error["loc"]
     steps = [step for step in error["loc"] if step != "[key]"] or [""]
     for step in steps:
+        name = shortened(typed(step)) or '""'
         try:
             data = data[step]
-            path.append(shown_key(step))
-        except (KeyError, IndexError, TypeError):
-            path += [shown_key(step)] if step == steps[-1] and (kind == "missing" or of_key) else []
+            path.append(name)
+        except (KeyError, IndexError, TypeError):  # the chosen type of a union
+            path += [name] if step == steps[-1] and (kind == "missing" or of_key) else []
     if kind == "value_error":
         reasons = getattr(context["error"], "reasons", [str(context["error"])])
         return [".".join([*path, reason]) for reason in reasons]

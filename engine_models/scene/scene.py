@@ -79,12 +79,12 @@ class Scene(form.Top):
     ground: form.Ground = form.Ground(pins_m={})
     body: Annotated[Named[form.Body], Field(min_length=1)]
     guide: Named[form.Guide] = Field({})
-    observe: form.ObservedName
-    turning: form.TurningName | None = None
+    observe: Annotated[str, form.known(form.OBSERVED)]
+    turning: Annotated[str, form.known(form.TURNING)] | None = None
     spring: Named[form.Spring] = Field({})
     load: dict[form.BodyName, form.Load] = Field({})
     drive: form.Drive = form.Drive(kind="free")
-    clearance: dict[form.JointName, form.Clearance] = Field({})
+    clearance: dict[Annotated[form.PartName, form.known(form.JOINT)], form.Clearance] = Field({})
     start: form.PlacedStart = form.PlacedStart()
     film: Later = Field({})
     friction: Later = Field({})
@@ -110,11 +110,7 @@ class Scene(form.Top):
 
     @classmethod
     def checked(cls, data: Mapping[str, Any], folder: Path = Path(), **_: Any) -> "Scene":
-        """Return the scene that a mapping describes, in the short spelling or in the general one.
-
-        Raises:
-            SceneError: it is none.
-        """
+        """Return the scene that a mapping describes, in either spelling; raise SceneError if it is none."""
         general = [name for name in OF_GENERAL if name in data]
         if general and "crank" in data:
             came = shown(data[general[0]])
@@ -136,10 +132,8 @@ class Scene(form.Top):
         """Return the scene with another value in a field: ``replace("clearance.B.restitution", 0.5)``.
 
         Several fields, checked together, are given as a mapping. None takes a part away, and what there is
-        not yet comes to be: ``replace("clearance.B", None)`` makes a joint ideal.
-
-        Raises:
-            SceneError: with the new values it is no scene.
+        not yet comes to be: ``replace("clearance.B", None)`` makes a joint ideal. Raises SceneError where it
+        is no scene with the new values.
         """
         fields = {field: value} if isinstance(field, str) else field
         return self.checked(with_fields(self.as_written(), fields))
@@ -289,9 +283,11 @@ def _check_parts(scene: Scene) -> None:
             require_known(f"{path}.guide", load.guide, guides, f"a guide of {name}")
         one = load.guide is not None or len(guides) < 2 or not load.has_forces
         require(one, f"{path}.guide", one_of(guides), None)
-        fits = (load.along_rad is not None) == (load.has_forces and not guides)
-        told = "a number for a force without a guide, and only there"
-        require(fits, f"{path}.along_rad", told, load.along_rad)
+        alone, told = load.has_forces and not guides, "a number for a force without a guide, and only there"
+        require((load.along_rad is not None) == alone, f"{path}.along_rad", told, load.along_rad)
+        if load.pin is not None:
+            pins = scene.body[name].pins_m if alone else ()
+            require_known(f"{path}.pin", load.pin, pins, f"a pin of {name} for a force without a guide")
         driven = load.gas is None or load.gas.body or scene.drive.body
         require(driven is not None, f"{path}.gas.body", "a body, or drive.body", None)
     start, both = scene.start, scene.body.keys() & scene.guide.keys()
@@ -383,10 +379,11 @@ def _ends(scene: Scene, i: Any, j: Any) -> dict[str, Any]:
 
 
 def _load(scene: Scene, name: str, load: form.Load, guides: tuple[data.Guide, ...]) -> data.Load:
-    """Return a load: its forces act along a guide of the body, or along a line through its centre of mass."""
+    """Return a load: its forces act along a guide of the body, or a line through a pin or its centre."""
     body, line, gas, by_time = scene.number(name), None, load.gas, load.by_time
     if load.has_forces:
-        fixed = data.Line(GROUND, (0.0, 0.0), body, (0.0, 0.0), load.along_rad or 0.0)
+        point = (0.0, 0.0) if load.pin is None else scene.point(name, load.pin)
+        fixed = data.Line(GROUND, (0.0, 0.0), body, point, load.along_rad or 0.0)
         line = next((it for it in guides if it.body_j == body and load.guide in (None, it.name)), fixed)
     tables = {
         f"{column.partition('_')[0]}_by_time": by_time.table("time_s", column)
@@ -441,11 +438,7 @@ def state_of(scene: Scene) -> tuple[FloatArray, FloatArray]:
 
 
 def _placed(scene: Scene, short: CrankSlider | None) -> Placed:
-    """Return the start of a scene whose parts fit each other, and that may be spelt short.
-
-    Raises:
-        ValueError: there is no such start.
-    """
+    """Return the start of a scene whose parts fit each other; raise ValueError if there is none."""
     from reference_solver.mechanism.assembly import NotAssembled, assemble, require_closed  # most do without
 
     of, words, told = scene.mechanism, None, _told(scene)

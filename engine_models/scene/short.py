@@ -66,18 +66,20 @@ class Start(SceneData):
         return self
 
 
-class CrankGas(form.Cylinder):
+class CrankGas(form.Gas):
     """A force by the crank's angle: see ``[load.NAME.gas]``."""
 
     COLUMNS = ("crank_angle_rad", "force_N")
 
     crank_angle_rad: form.Angles
+    angle_rad: None = None  # type: ignore[assignment]
+    body: None = None
 
 
 class CrankLoad(form.Load):
     """Forces and torques as of any body; ``gas`` goes by the crank's angle."""
 
-    gas: CrankGas | None = None  # type: ignore[assignment]
+    gas: CrankGas | None = None
 
 
 class CrankSlider(form.Top):
@@ -165,24 +167,21 @@ def assembled(short: CrankSlider, angle_rad: float, speed_rad_s: float) -> tuple
     They are those of crank, rod and slider by (x, y, phi) of the centre of mass, at a crank angle and speed;
     of a pendulum (1, 3). The rod is on the side of its acute angle: the slider lies to the right of pin A.
     """
+
+    def along(distance_m: float, angle: float, rate: float) -> FloatArray:
+        x, y = np.cos(angle), np.sin(angle)
+        return np.array([[distance_m * x, distance_m * y], [-distance_m * rate * y, distance_m * rate * x]])
+
     crank, theta, omega = short.crank, angle_rad, speed_rad_s
     state = np.zeros((2, 1 if short.rod is None else 3, 3))
-    state[:, 0, :2] = along_axis(crank.centre_of_mass_m, theta, omega)
+    state[:, 0, :2] = along(crank.centre_of_mass_m, theta, omega)
     state[:, 0, 2] = theta, omega
     if (rod := short.rod) is not None:
         r, length = crank.length_m, rod.length_m
         phi = np.arcsin(-r / length * np.sin(theta))
         phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
-        pin = along_axis(r, theta, omega)
-        state[:, 1, :2] = pin + along_axis(rod.centre_of_mass_m, phi, phi_rate)
+        pin = along(r, theta, omega)
+        state[:, 1, :2] = pin + along(rod.centre_of_mass_m, phi, phi_rate)
         state[:, 1, 2] = phi, phi_rate
-        state[:, 2, 0] = (pin + along_axis(length, phi, phi_rate))[:, 0]
+        state[:, 2, 0] = (pin + along(length, phi, phi_rate))[:, 0]
     return state[0], state[1]
-
-
-def along_axis(distance_m: float, angle_rad: float, rate_rad_s: float) -> FloatArray:
-    """Return the vector of a distance along a turning axis, and its derivative, (2, 2)."""
-    x, y = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array(
-        [[distance_m * x, distance_m * y], [-distance_m * rate_rad_s * y, distance_m * rate_rad_s * x]]
-    )

@@ -24,10 +24,8 @@ class BadFile(ValueError):
 def read_text(path: Path, what: str) -> str:
     """Return the text in a file, or in what the shell has opened: ``/dev/stdin``, ``/dev/fd/3``.
 
-    ``what`` it is to hold is a key of ``LARGEST_BYTES``.
-
-    Raises:
-        BadFile: it cannot be read, is too large, or not UTF-8 text.
+    ``what`` it is to hold is a key of ``LARGEST_BYTES``. Raises BadFile where it cannot be read, is too large
+    or not UTF-8 text.
     """
     try:
         waits = not (path.is_file() or path.is_dir() or {path, path.parent} & {*OPENED})
@@ -50,8 +48,7 @@ def read_text(path: Path, what: str) -> str:
 def read_columns(path: Path, columns: tuple[str, ...]) -> dict[str, list[float]]:
     """Return columns of a CSV file by name: the first, and of the others those that are there, one at least.
 
-    Raises:
-        BadFile: the file cannot be read, or is no table of these columns.
+    Raises BadFile where the file cannot be read, or is no table of these columns.
     """
     content, named = read_text(path, "a table"), f"{columns[0]} and {' or '.join(columns[1:])}"
     first = content.partition("\n")[0]

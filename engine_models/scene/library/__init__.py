@@ -6,11 +6,11 @@ that scene but for its own. The rigid scenes are those with clearance between wa
 
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from engine_models.scene.format import Clearance, ContactLaw, Friction
+from engine_models.scene.format import Clearance, Friction
 from engine_models.scene.scene import Scene
 
 if sys.version_info >= (3, 11):
@@ -41,17 +41,15 @@ def _entries(name: str) -> dict[str, Any]:
     return {**(_entries(own.pop("base")) if "base" in own else {}), "name": name, **own}
 
 
-def _maker(name: str) -> Callable[[], Scene]:
-    """Return what makes a scene, described by the first line of its file."""
-    text = (FOLDER / f"{name.replace('rigid', 'clearance')}.toml").read_text(encoding="utf-8")
-    about = text.partition("\n")[0].removeprefix("# ")
-    make = cache(lambda: Scene.checked(_entries(name)))
-    make.__doc__ = f"{about.rstrip('.')}; rigid contact." if name.startswith("rigid") else about
-    return make
-
-
 def _makers(kind: str, names: Iterable[str]) -> Makers:
-    return {f"{kind}{name}": _maker(f"{kind}{name}") for name in names}
+    """Return what makes each scene of a kind, described by the first line of its file."""
+    makers = dict[str, Callable[[], Scene]]()
+    for name in (f"{kind}{name}" for name in names):
+        file = FOLDER / f"{name.replace('rigid', 'clearance')}.toml"
+        about = file.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ").rstrip(".")
+        makers[name] = cache(partial(lambda name: Scene.checked(_entries(name)), name))
+        makers[name].__doc__ = f"{about}; rigid contact." if kind == "rigid-" else f"{about}."
+    return makers
 
 
 IDEAL_SCENES, CLEARANCE_SCENES = _makers("ideal-", IDEAL), _makers("clearance-", LOOSE)
@@ -65,18 +63,9 @@ ideal_free, ideal_driven, ideal_torque, _, ideal_compressor = IDEAL_SCENES.value
 
 
 def clearance(
-    radial_clearance_m: float,
-    law: ContactLaw = "lankarani-nikravesh",
-    restitution: float = 0.9,
-    friction: Friction | None = None,
+    c_m: float, law: str = "lankarani-nikravesh", e: float = 0.9, friction: Friction | None = None
 ) -> Clearance:
-    """Return a joint's clearance with Hertz's stiffness of steel."""
-    return Clearance(
-        radial_clearance_m=radial_clearance_m,
-        bearing_radius_m=BEARING_RADIUS_M,
-        law=law,
-        restitution=restitution,
-        friction=friction,
-        young_modulus_Pa=207e9,
-        poisson_ratio=0.3,
-    )
+    """Return a radial clearance with Hertz's stiffness of steel, and a coefficient of restitution."""
+    own = {"radial_clearance_m": c_m, "law": law, "restitution": e, "friction": friction}
+    steel = {"bearing_radius_m": BEARING_RADIUS_M, "young_modulus_Pa": 207e9, "poisson_ratio": 0.3}
+    return Clearance.checked(own | steel)

@@ -1,10 +1,15 @@
 """The short form of a scene: what a file of it says, and that it comes back as it was."""
 
-from hypothesis import given, settings
+from collections.abc import Iterator
+from random import Random
+from typing import Any
+
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from engine_models.scene.file import from_toml
-from engine_models.scene.library import SCENES
+from engine_models.scene.library import ALL_SCENES, SCENES
+from engine_models.scene.plain_words import BadInput
 
 NAMES = st.text(st.characters(codec="utf-8"))
 
@@ -21,6 +26,29 @@ def test_a_scene_survives_a_file_that_names_no_other_joint(
     assert from_toml(text) == scene
     sections = [line for line in text.splitlines() if line.startswith("[clearance")]
     assert sections == ["[clearance.B]", "[clearance.B.friction]"]
+
+
+@given(st.sampled_from([*ALL_SCENES]), st.randoms(use_true_random=False), st.floats(0.999, 1.001))
+@settings(max_examples=60, deadline=None)
+def test_a_changed_scene_of_either_spelling_survives_a_file(name: str, chosen: Random, factor: float) -> None:
+    scene = ALL_SCENES[name]()
+    path, value = chosen.choice([*numbers(scene.as_written())])
+    try:
+        changed = scene.replace(path, value * factor)
+    except BadInput:  # a length that is held open, a table that no longer repeats
+        reject()
+    again = from_toml(changed.to_toml())
+    assert (again, again.mechanism, again.placed) == (changed, changed.mechanism, changed.placed)
+    assert again.to_toml() == changed.to_toml()
+
+
+def numbers(data: dict[str, Any], path: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the numbers in the sections of a scene by their paths."""
+    for key, value in data.items():
+        if isinstance(value, dict):
+            yield from numbers(value, f"{path}{key}.")
+        elif isinstance(value, float):
+            yield f"{path}{key}", value
 
 
 def test_the_compressors_gas_is_that_of_a_polytrope_between_suction_and_discharge() -> None:
