@@ -168,12 +168,7 @@ def stepped(given: Given) -> list[Scalar]:
 
 #: The functions of a kernel by their names.
 FUNCTIONS: dict[str, Callable[[Given], list[Scalar]]] = {
-    "rates": rates,
-    "forces": forces,
-    "project": project,
-    "gaps": gaps,
-    "mobilities": mobilities,
-    "walls": walls,
+    **{function.__name__: function for function in (rates, forces, project, gaps, mobilities, walls)},
     "step": stepped,
 }
 

@@ -16,7 +16,6 @@ import math
 import platform
 import sys
 from collections.abc import Callable, Iterable
-from contextlib import nullcontext
 from functools import cache, partial
 from itertools import count
 from pathlib import Path
@@ -280,7 +279,7 @@ def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: An
             folder = private_folder() / f"numba-{digest_of(package)}"
         except (FolderRefused, OSError):
             return cast(F, by(*given, **options)(function))
-        with patch.object(numba.config, "CACHE_DIR", str(folder)), alone() if kinds else nullcontext():
+        with patch.object(numba.config, "CACHE_DIR", str(folder)), alone():
             return cast(F, by(*given, **options, cache=True)(function))
 
     return decorate

@@ -119,7 +119,6 @@ METHOD_RECORD = np.dtype(
 #: An angle in rad, modulo a period, at which a load by a body's angle is not smooth, and the coordinate.
 KNOT_RECORD = np.dtype(record("angle period", "coordinate"))
 
-
 #: Of R rigid joints, (R,) each: their ``Separation``, the mobility along the normal that free bodies would
 #: have, in 1/kg, and friction as a part of the normal force.
 OF_WALLS = "distance", "rate", "turning", "noise", "rate_noise", "bare", "share"
@@ -188,8 +187,7 @@ class Run(NamedTuple):
     @property
     def v(self) -> FloatArray:
         """Return the velocities (n,), a view."""
-        n = int(self.state["n"][0])
-        return self.rows[OLD, n : 2 * n]
+        return self.rows[OLD, len(self.q) : 2 * len(self.q)]
 
     @property
     def sums(self) -> FloatArray:

@@ -25,7 +25,6 @@ from reference_solver.tape import FloatArray, RecordArray
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
     from reference_solver.kernel import Kernel
 
-
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
 #: Flights between rigid walls that are no higher than so many times the distance's round-off are never seen;
