@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from enum import Enum
 from typing import Any
 
 import pandas as pd
@@ -24,30 +23,15 @@ WANTED = {
     "refusal": "a refusal",
     "stop": "an error at the right time, or a way on",
 }
-
-
-class Verdict(Enum):
-    """How a run came out, from good to bad: what misleads nobody is better than what does."""
-
-    RIGHT = "right"
-    REFUSED = "refused"
-    FAILED = "clear error"
-    NOTICED = "wrong, found by a check"
-    INACCURATE = "inaccurate"
-    FAILED_OBSCURELY = "unclear error"
-    TIMED_OUT = "timed out"
-    OUT_OF_MEMORY = "out of memory"
-    CRASHED = "crashed"
-    WRONG = "wrong, no error"
-
-
+#: How a run came out: well, or not; by a status; from good to bad: what misleads is worse than what does not.
+RIGHT, REFUSED, FAILED = WELL = ("right", "refused", "clear error")
+NOTICED, INACCURATE, OBSCURE = "wrong, found by a check", "inaccurate", "unclear error"
+ENDED, WRONG = ("timed out", "out of memory", "crashed"), "wrong, no error"
+VERDICTS = (*WELL, NOTICED, INACCURATE, OBSCURE, *ENDED, WRONG)
 #: The numbers that a verdict rests on, each with a column of its bound.
 JUDGED = ("relative_error", "unaccounted_energy_part", "constraint_relative")
 #: Verdicts on runs that end with word of when and why, the engine's own or that of the check after every run.
-TOLD_SO = (Verdict.FAILED, Verdict.NOTICED)
-#: Verdicts on runs that did not go wrong, and verdicts that are statuses.
-WELL = (Verdict.RIGHT, Verdict.REFUSED, Verdict.FAILED)
-ENDED = {of.value: of for of in (Verdict.TIMED_OUT, Verdict.OUT_OF_MEMORY, Verdict.CRASHED)}
+TOLD_SO = (FAILED, NOTICED)
 #: The columns of the runs that are shown: those that went wrong.
 SHOWN = ["case", "configuration", "verdict", "error", "energy", "gaps", "error of"]
 #: How a failure tells its time, and to which part of the time.
@@ -57,9 +41,8 @@ TIME, TOLD = re.compile(r"\bt = (-?\d[\d.e+-]*) s\b"), 1e-2
 def answers(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the study's runs, by the place of their cases, with what is made of them.
 
-    ``reason`` is the engine's, or else why the check after every run fails it. ``verdict`` is the
-    ``Verdict``; ``as_wanted`` whether theory asks for what came: the motion, or no motion where there is
-    none.
+    ``reason`` is the engine's, or else why the check after every run fails it. ``verdict`` is one of the
+    ``VERDICTS``, ``as_wanted`` whether theory asks for what came: the motion, or none where there is none.
     """
     rows = with_columns(rows, *JUDGED, "judged").sort_values("place", kind="stable")
     rows[QUALITY] = quality_failures(rows)
@@ -69,7 +52,7 @@ def answers(rows: pd.DataFrame) -> pd.DataFrame:
     return rows
 
 
-def verdict_on(row: Row) -> Verdict:
+def verdict_on(row: Row) -> str:
     """Return the verdict on a row.
 
     A success is wrong, and noticed, if the check after every run fails it. Others are wrong if a number is
@@ -78,36 +61,36 @@ def verdict_on(row: Row) -> Verdict:
     exceeds its bound. A failure is clear if it tells when: a time, or that it is the initial state's.
     """
     if row["status"] in ENDED:
-        return ENDED[row["status"]]
+        return str(row["status"])
     if row["status"] == "unsupported":
-        return Verdict.REFUSED
+        return REFUSED
     if row["status"] != "ok":
         told = TIME.search(row["reason"]) or row["reason"].startswith("initial ")
-        return Verdict.FAILED if told else Verdict.FAILED_OBSCURELY
+        return FAILED if told else OBSCURE
     if row[QUALITY]:
-        return Verdict.NOTICED
+        return NOTICED
     excess = pd.Series({name: row[name] / row[f"{name}_bound"] for name in JUDGED})
     if row["wanted"] == "refusal" or not (excess <= row["nonsense_factor"]).all():
-        return Verdict.WRONG
-    return Verdict.RIGHT if (excess <= 1).all() else Verdict.INACCURATE
+        return WRONG
+    return RIGHT if (excess <= 1).all() else INACCURATE
 
 
 def _as_wanted(row: Row) -> bool:
     verdict, wanted = row["verdict"], row["wanted"]
     if wanted == "refusal":
-        return verdict in (Verdict.REFUSED, *TOLD_SO)
+        return verdict in (REFUSED, *TOLD_SO)
     if wanted == "stop" and verdict in TOLD_SO:
         time = TIME.search(row["reason"])
         return bool(time and abs(float(time[1]) - row["stop_s"]) <= row["step_s"] * (1 + TOLD))
-    return verdict is Verdict.RIGHT or (wanted == "answer or word" and verdict in (Verdict.REFUSED, *TOLD_SO))
+    return verdict == RIGHT or (wanted == "answer or word" and verdict in (REFUSED, *TOLD_SO))
 
 
 def parts(studies: Studies) -> Iterator[Claim | Table | None]:
     """Yield who returns wrong results, counts of verdicts, and the runs that went wrong."""
     answered = answers(studies["extremes"].rows)
     by_label = answered.groupby("label", observed=True)
-    names = [verdict.value for verdict in Verdict if (answered["verdict"] == verdict).any()]
-    counts = pd.crosstab(answered["label"], answered["verdict"].map(lambda verdict: verdict.value))[names]
+    counts = pd.crosstab(answered["label"], answered["verdict"])
+    counts = counts[[verdict for verdict in VERDICTS if verdict in counts]]
     counts.insert(0, "cases", by_label.size())
     yield wrong_without_error(counts, answered["nonsense_factor"].iloc[0])
     counts["as theory asks"] = by_label["as_wanted"].sum()
@@ -121,7 +104,7 @@ def parts(studies: Studies) -> Iterator[Claim | Table | None]:
 
 def wrong_without_error(counts: pd.DataFrame, factor: float) -> Claim:
     """Return how often each configuration returned a wrong result without an error, the most often first."""
-    wrong = counts.get(Verdict.WRONG.value, 0 * counts["cases"]).sort_values(ascending=False, kind="stable")
+    wrong = counts.get(WRONG, 0 * counts["cases"]).sort_values(ascending=False, kind="stable")
     told = [f"{label} in {{n{k}}} of {counts['cases'][label]}" for k, label in enumerate(wrong.index)]
     numbers = {"factor": (factor, "")} | {f"n{k}": (int(count), "") for k, count in enumerate(wrong)}
     text = "Results wrong by over {factor} times a bound, or given where no motion exists, without an error: "
@@ -136,7 +119,7 @@ def verdicts(answered: pd.DataFrame) -> Table:
         {
             "case": answered["scene"],
             "configuration": answered["label"].astype(str),
-            "verdict": [verdict.value for verdict in answered["verdict"]],
+            "verdict": answered["verdict"],
             **dict(zip(("error", "energy", "gaps"), (answered[of] for of in JUDGED), strict=True)),
             "error of": [words(of)[0] if isinstance(of, str) else "" for of in answered["judged"]],
             "reason": answered["reason"].str.split(" with step ").str[0],

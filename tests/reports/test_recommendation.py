@@ -22,14 +22,8 @@ def rows(engine: str, settings: tuple[tuple[float, float], ...], **more: Any) ->
     """Yield a recorded run and three timed ones at each tolerance."""
     for tolerance, (error, time) in zip(TOLERANCES, settings, strict=True):
         head: dict[str, Any] = {"scene": "mine", "engine": engine, "arm": "arm", "label": f"{engine} (arm)"}
-        head |= {
-            "case": f"{engine}{tolerance}",
-            "end_time_s": 1.0,
-            "step_s": 0.01,
-            "status": "ok",
-            "reason": "",
-        }
-        head |= {"setting_step_tolerance": tolerance, "judged_by": "slider_position_error_m"}
+        head |= {"case": f"{engine}{tolerance}", "status": "ok", "reason": "", "end_time_s": 1.0}
+        head |= {"step_s": 0.01, "setting_step_tolerance": tolerance, "judged_by": "slider_position_error_m"}
         measured: dict[str, Any] = {"slider_position_error_m": error, "slider_position_uncertainty_m": 1e-12}
         measured |= {"joint_O_force_error_N": 1e6 * error, "unaccounted_energy_part": 1e-9}
         measured |= {"compared_until_s": 1.0, "quality_failure": "", "wanted_error": 1e-6}

@@ -60,13 +60,3 @@ def test_a_second_call_from_python_runs_nothing_again(
     assert set(found.frame["engine"]) == {"reference"}
     assert "Next best engine" not in found.recommendation
     assert "unsupported" not in capfd.readouterr().err
-
-
-def test_other_mechanisms_are_compared_by_what_they_observe(tmp_path: Path) -> None:
-    short, engine = ("--with", "end_time_s=0.004"), ("--engine", "reference")
-    done = crankslider("compare", "four-bar-clearance", *short, *engine, "--out", tmp_path)
-    assert done.code in (0, None), done.stderr
-    assert re.search(r"^B x error: .*; asked for: 5 µm\.$", done.stdout, re.MULTILINE)
-    page = (tmp_path / "index.html").read_text("utf-8")
-    assert "B x error" in page
-    assert "slider position" not in page

@@ -1,7 +1,6 @@
 """What ``simulate`` writes and says: which columns, by which method in which steps, and how exact it is."""
 
 from functools import wraps
-from pathlib import Path
 from shlex import quote, split
 from typing import Any, NoReturn
 
@@ -36,15 +35,6 @@ def test_columns_are_absent_that_a_scene_has_no_use_for() -> None:
     of_contact = {"clearance_B_x_m", "clearance_B_y_m", "contact_B_penetration_m", "contact_B_normal_force_N"}
     assert loose - driven == {*of_contact, "dissipated_energy_J"}
     assert columns("clearance-driven-damped") - loose == {"contact_B_friction_force_N"}
-
-
-def test_general_files_are_simulated_and_checked(tmp_path: Path) -> None:
-    file = tmp_path / "four-bar.toml"
-    file.write_text(crankslider("show", "four-bar").stdout)
-    written = table_of(crankslider("simulate", file, "--end", 0.002, "--samples", 5).stdout)
-    assert written["observed_B_x_m"].notna().all()
-    assert {"crank_angle_rad", "rocker_speed_rad_s", "joint_B_force_x_N"} <= {*written}
-    assert crankslider("check", file).stdout.startswith("four-bar: 3 bodies, 4 joints; 8 rows of rank 8, 1 ")
 
 
 @pytest.mark.parametrize(("settings", "method"), [([], "dop853"), (["--set", "method=rk4"], "rk4")])

@@ -1,7 +1,6 @@
 """Tables as a user has them: straight lines or splines, their ends, the forces that they apply, warnings."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,8 +8,7 @@ from scipy.interpolate import CubicSpline
 
 import crankslider as cs
 from engine_models.scene.file import from_toml
-from tests.helpers.command import crankslider, table_of
-from tests.input.scenes import base, changed
+from tests.input.scenes import base
 
 PRESS = from_toml(base("press"))
 R, L = PRESS.short.crank.length_m, 0.356
@@ -19,10 +17,6 @@ DEGREES = np.arange(0, 361, 10)
 ANGLE, FORCE = np.radians(DEGREES), np.where((DEGREES >= 150) & (DEGREES <= 210), -1000.0, 0.0)
 GAS = {"crank_angle_rad": ANGLE, "force_N": FORCE, "interpolation": "linear"}
 PRESSED = PRESS.replace("load", {"slider": {"gas": GAS}})
-#: Half a turn between two rests, of 0.2 s and then 0.3 s.
-TIMES, TURNED = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.0, 0.0, math.pi / 2, *[math.pi] * 4]
-DWELL = {"kind": "table", "time_s": TIMES, "angle_rad": TURNED}
-RESTS = PRESS.replace({"start.crank_speed_rad_s": 0.0, "drive": DWELL, "end_time_s": 0.6})
 
 
 def test_every_part_of_the_load_is_a_column_of_its_force() -> None:
@@ -54,17 +48,3 @@ def test_a_spline_beyond_its_table_is_told_by_name_amount_and_angle() -> None:
     assert float(line.split(" beyond at ")[1].split()[0]) == pytest.approx(where, abs=1.3)
     assert line.endswith('interpolation = "linear" keeps to them')
     assert cs.simulate(PRESSED, end=0.01, samples=10).warnings == (), "which is not warned of"
-
-
-def test_a_field_that_the_file_has_wrong_is_mended_by_with(tmp_path: Path) -> None:
-    """Also the name of a table that is not there."""
-    file, six = tmp_path / "mine.toml", ("--samples", 6, "--quiet", "--out", "-")
-    file.write_text(changed(base("press"), ("constant-speed", "tabel"), ("= 0.06", "= -1.0")))
-    done = crankslider("simulate", file, "--with", "drive.kind=constant-speed", "--end", 0.01, *six)
-    assert (done.code, len(table_of(done.stdout))) == (0, 7), done.stderr
-    turn = ('{ kind = "constant-speed" }', '{ kind = "table", file = "nowhere.csv" }')
-    file.write_text(changed(base("press"), turn, ('"1000 rpm"', "0.0"), ("= 0.06", "= 0.6")))
-    rows = [f"{t},{a}" for t, a in zip(TIMES, TURNED, strict=True)]
-    (tmp_path / "turn.csv").write_text("\n".join(["time_s,angle_rad", *rows]))
-    done = crankslider("simulate", file, "--with", "drive.file=turn.csv", *six)
-    np.testing.assert_allclose(table_of(done.stdout)["crank_angle_rad"], TURNED, rtol=0, atol=1e-12)

@@ -8,9 +8,9 @@ import pytest
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.pymunk.engine import PymunkEngine
-from engine_models.scene.library import SCENES, ideal_driven, ideal_free, ideal_torque
+from engine_models.scene.library import SCENES, ideal_torque
 from engine_models.scene.scene import Scene
-from studies.judges.energy_ledger import dissipated, ledger, stored
+from studies.judges.energy_ledger import dissipated, stored
 from studies.judges.metrics import energy_balance_residual_J, numerical_gain_J
 from tests.studies.truth.closed_forms.crank_slider import exact
 
@@ -47,15 +47,3 @@ def test_the_lines_add_up_to_the_residual_of_the_metrics(rubbing: tuple[Scene, T
     assert run.driver_work_J is not None
     total = sum(stored(scene, run).values()) - run.driver_work_J + sum(dissipated(run).values())
     assert total == pytest.approx(energy_balance_residual_J(scene, run), abs=1e-12)
-
-
-def test_a_scene_has_the_lines_it_has_a_use_for_and_no_other(rubbing: tuple[Scene, Trajectory]) -> None:
-    bodies = {"kinetic_change_J", "gravitational_change_J"}
-    free = ideal_free().model_copy(update={"end_time_s": 0.01})
-    assert ledger(free, PymunkEngine().simulate(free, RunSettings(1e-4, 4))).keys() == bodies
-    assert ledger(ideal_torque(), exact(ideal_torque(), 50)).keys() == bodies | {"driver_work_J"}
-    weightless = ideal_driven().model_copy(update={"gravity_m_s2": 0.0})
-    assert ledger(weightless, exact(weightless, 4)).keys() == {"kinetic_change_J", "driver_work_J"}
-    losses = {f"contact_B_{way}_loss_J" for way in ("normal", "friction", "clipped")}
-    assert ledger(*rubbing).keys() - losses == bodies | {"driver_work_J", "elastic_change_J"}
-    assert {"contact_B_normal_loss_J", "contact_B_friction_loss_J"} <= ledger(*rubbing).keys()
