@@ -16,6 +16,7 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from secrets import token_hex
+from threading import Lock
 from unittest.mock import patch
 
 import platformdirs
@@ -24,6 +25,8 @@ import platformdirs
 VARIABLE = "CRANKSLIDER_CACHE"
 #: The file that a process locks while it compiles, and for how long others wait for it, in s.
 LOCK, LONGEST_S = "compiling.lock", 60.0
+#: Held by the one block of this process that has the lock of all processes, or waits for it.
+_HERE = Lock()
 WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 ROOT_USER = 0
 NOT_KEPT = "{}: expected a folder to keep kernels in, got '{}': {}"
@@ -108,11 +111,17 @@ def _checksum(name: str, data: bytes) -> bytes:
 
 @contextmanager
 def alone() -> Iterator[None]:
-    """Have one process at a time in this block: what the first compiles all others load."""
+    """Have one process at a time in this block: what the first compiles all others load.
+
+    In such a block another one of the same process does not wait for itself.
+    """
     with ExitStack() as held:
-        with suppress(FolderRefused, OSError, sqlite3.Error):  # then every process compiles its own
-            lock = held.enter_context(closing(sqlite3.connect(private_folder() / LOCK, timeout=LONGEST_S)))
-            lock.execute("begin exclusive")
+        if _HERE.acquire(blocking=False):
+            held.callback(_HERE.release)
+            with suppress(FolderRefused, OSError, sqlite3.Error):  # then every process compiles its own
+                file = private_folder() / LOCK
+                lock = held.enter_context(closing(sqlite3.connect(file, timeout=LONGEST_S)))
+                lock.execute("begin exclusive")
         yield
 
 

@@ -44,9 +44,8 @@ def touches_within(e: FloatArray, q: FloatArray, v: FloatArray, time_s: float) -
     _, _, _, _, dx, dy, vx, vy = eq.apart(q, v, e)
     inside = e[eq.C] * e[eq.C] - dx * dx - dy * dy
     # |d|^2 grows by |d'|^2 t^2 + 2 d.d' t, which is largest at one end of the time.
-    return bool(
-        inside <= max(0.0, (vx * vx + vy * vy) * time_s * time_s + 2.0 * (dx * vx + dy * vy) * time_s)
-    )
+    growth = (vx * vx + vy * vy) * time_s * time_s + 2.0 * (dx * vx + dy * vy) * time_s
+    return bool(inside <= max(0.0, growth))
 
 
 @compiled(
@@ -78,11 +77,9 @@ def look_ahead(
             v[3 * n + k] = state[rows[n], 3 + k]
             q[3 * n + k] = state[rows[n], k] + h * v[3 * n + k]
         arms[n] = eq.arm(q, n, origin[n, 0], origin[n, 1])
-        q[3 * n], q[3 * n + 1] = q[3 * n] - arms[n, 0], q[3 * n + 1] - arms[n, 1]
-        v[3 * n], v[3 * n + 1] = (
-            v[3 * n] + v[3 * n + 2] * arms[n, 1],
-            v[3 * n + 1] - v[3 * n + 2] * arms[n, 0],
-        )
+        q[3 * n : 3 * n + 2] -= arms[n]
+        v[3 * n] += v[3 * n + 2] * arms[n, 1]
+        v[3 * n + 1] -= v[3 * n + 2] * arms[n, 0]
     for k in range(len(contacts)):
         e = contacts[k]
         _, _, _, _, dx, dy, _, _ = eq.apart(q, v, e)
@@ -93,10 +90,8 @@ def look_ahead(
         near |= touches_within(e, q, v, AHEAD * plan[IN_FLIGHT])
     on = h / (2.0 * plan[LAST_KICK]) if plan[LAST_KICK] > 0.0 and not touching else 0.0
     for n in range(b):
-        gain = np.empty(3)
-        for k in range(3):
-            gain[k] = on * (state[rows[n], 3 + k] - before[n, k])
-            before[n, k] = state[rows[n], 3 + k]
+        gain = on * (state[rows[n], 3:] - before[n])
+        before[n] = state[rows[n], 3:]
         v[3 * n] += gain[0] + gain[2] * arms[n, 1]
         v[3 * n + 1] += gain[1] - gain[2] * arms[n, 0]
         v[3 * n + 2] += gain[2]

@@ -38,8 +38,7 @@ class Record(Recording):
             at = eq.OF_CONTACT * k
             loop.told[at + eq.NORMAL], loop.told[at + eq.FRICTION] = contact.impulse_N_s / plan[kicks.KICK]
             struck = struck or (contact.impulse_N_s[0] > 0 and k not in self._touches)
-        odd = loop.steps <= ODD_KICKS * loop.half_kick
-        loop.account(kicks.CURVED if odd else kicks.KNOWN)
+        loop.account(kicks.CURVED if loop.steps <= ODD_KICKS * loop.half_kick else kicks.KNOWN)
         gain = plan[kicks.KICK] * loop.powers[: len(self._sums)]
         if touching or struck or self._touches:
             self._follow(rates)
