@@ -16,17 +16,14 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from secrets import token_hex
-from threading import Lock
 from unittest.mock import patch
 
 import platformdirs
 
 #: The environment variable that puts the folder elsewhere.
 VARIABLE = "CRANKSLIDER_CACHE"
-#: The file that a process locks while it compiles, and for how long others wait for it, in s.
-LOCK, LONGEST_S = "compiling.lock", 60.0
-#: Held by the one block of this process that has the lock of all processes, or waits for it.
-_HERE = Lock()
+#: For how long others wait for a process that compiles, in s, and what this process has waited for or made.
+LONGEST_S, _THERE = 60.0, set[str]()
 WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 ROOT_USER = 0
 NOT_KEPT = "{}: expected a folder to keep kernels in, got '{}': {}"
@@ -110,19 +107,16 @@ def _checksum(name: str, data: bytes) -> bytes:
 
 
 @contextmanager
-def alone() -> Iterator[None]:
-    """Have one process at a time in this block: what the first compiles all others load.
-
-    In such a block another one of the same process does not wait for itself.
-    """
+def alone(what: str) -> Iterator[None]:
+    """Have one process at a time in the first block of a name: what that compiles all others load."""
     with ExitStack() as held:
-        if _HERE.acquire(blocking=False):
-            held.callback(_HERE.release)
+        if what not in _THERE:
             with suppress(FolderRefused, OSError, sqlite3.Error):  # then every process compiles its own
-                file = private_folder() / LOCK
+                file = private_folder() / f"{what}.lock"
                 lock = held.enter_context(closing(sqlite3.connect(file, timeout=LONGEST_S)))
                 lock.execute("begin exclusive")
         yield
+        _THERE.add(what)
 
 
 @contextmanager

@@ -279,7 +279,10 @@ def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: An
             folder = private_folder() / f"numba-{digest_of(package)}"
         except (FolderRefused, OSError):
             return cast(F, by(*given, **options)(function))
-        with patch.object(numba.config, "CACHE_DIR", str(folder)), alone():
+        with (
+            patch.object(numba.config, "CACHE_DIR", str(folder)),
+            alone(f"{folder.name}-{function.__name__}"),
+        ):
             return cast(F, by(*given, **options, cache=True)(function))
 
     return decorate
