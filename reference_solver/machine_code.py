@@ -16,7 +16,7 @@ import math
 import platform
 import sys
 from collections.abc import Callable, Iterable
-from functools import cache, partial
+from functools import cache, partial, wraps
 from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -267,25 +267,32 @@ def compile_text(text: str, names: Iterable[str]) -> dict[str, Function]:
 def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: Any) -> Callable[[F], F]:
     """Return what has Numba compile a function, its machine code kept if it can be.
 
-    It does so now, one process at a time, if its arguments' kinds are given, else when it is first called.
-    Numba's own cache knows nothing of other modules' functions in it: so its folder is named by the sources
-    of the function's package and this one.
+    With its arguments' kinds that is done when Python first calls it, by one process at a time. Numba's own
+    cache knows nothing of other modules' functions in it: so its folder is named by the sources of the
+    function's package and this one.
     """
 
-    def decorate(function: F) -> F:
+    def made(function: F) -> F:
         package = Path(str(sys.modules[function.__module__.partition(".")[0]].__file__)).parent
         given = (kinds,) if kinds else ()
         try:
             folder = private_folder() / f"numba-{digest_of(package)}"
         except (FolderRefused, OSError):
             return cast(F, by(*given, **options)(function))
-        with (
-            patch.object(numba.config, "CACHE_DIR", str(folder)),
-            alone(f"{folder.name}-{function.__name__}"),
-        ):
+        what = f"{folder.name}-{function.__name__}"
+        with patch.object(numba.config, "CACHE_DIR", str(folder)), alone(what):
             return cast(F, by(*given, **options, cache=True)(function))
 
-    return decorate
+    def later(function: F) -> F:
+        first_made = cache(partial(made, function))
+
+        @wraps(function)
+        def called(*arguments: Any) -> Any:
+            return first_made()(*arguments)
+
+        return cast(F, called)
+
+    return later if kinds else made
 
 
 @cache

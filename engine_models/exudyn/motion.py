@@ -67,9 +67,8 @@ def place_bodies(
     """Fill the links' frames (links, 9) and the bodies' states (3, 3b) from coordinates and derivatives."""
     for k in range(len(links)):
         e, f = links[k], frames[k]
-        f[:] = 0.0
-        if e[PARENT] >= 0.0:
-            f[:] = frames[int(e[PARENT])]
+        for i in range(9):
+            f[i] = frames[int(e[PARENT]), i] if e[PARENT] >= 0.0 else 0.0
         carry(f, e[X], e[Y], 0.0, 0.0, 0.0, 0.0)
         f[2] += e[ANGLE]
         if e[AXIS] == TURN:
@@ -83,7 +82,8 @@ def place_bodies(
             carry(centre, e[CENTRE_X], e[CENTRE_Y], 0.0, 0.0, 0.0, 0.0)
             centre[2] += e[TURNED]
             for i in range(3):
-                out[i, b : b + 3] = centre[3 * i : 3 * i + 3]
+                for j in range(3):
+                    out[i, b + j] = centre[3 * i + j]
 
 
 @entry

@@ -310,7 +310,8 @@ def act(p: Array, t: Array, q: Array, v: Array, phases: Array, F: Array, told: A
     contacts, now = block(p, CONTACTS), block(p, PHASES)
     for n in range(len(t)):
         for k in range(len(contacts)):
-            now[k] = phases[n, k]
+            for i in range(3):
+                now[k, i] = phases[n, k, i]
             if now[k, 0] == PUSHED:
                 engage(contacts[k], now[k], q[n], v[n])
         forces(p, t[n], q[n], v[n], F[n], told[n], powers[n])
@@ -393,21 +394,21 @@ def rates(p: Array, t: float, y: Array, out: Array) -> None:
     The last two numbers told are the determinant of the dependent coordinates' rows, and the largest of T.
     """
     masses, told, scalars = block(p, BODIES).ravel(), block(p, TOLD)[0], block(p, SCALARS)[0]
-    size, m, order, unit = (
-        len(masses),
-        int(scalars[ROWS]),
-        block(p, ORDER)[0].astype(np.int64),
-        block(p, ORDER)[1],
-    )
+    size, m, (places, unit) = len(masses), int(scalars[ROWS]), block(p, ORDER)
+    order = places.astype(np.int64)
     n, q, v, a, sums = size - m, y[:size], told[:size], told[size : 2 * size], out[2 * size :]
     dependent, free = order[:m], order[m:]
     g, c, gamma, B, F = np.empty(m), np.empty(m), np.empty(m), np.empty((m, size)), np.empty(size)
     v[:] = 0.0
     fill_rows(p, t, q, v, g, B, c, gamma)
-    G, swaps, T, largest = B[:, dependent].copy(), np.empty(m, np.int64), np.zeros((size, n)), 0.0
+    G, swaps, T, largest = np.empty((m, m)), np.empty(m, np.int64), np.zeros((size, n)), 0.0
+    for i in range(m):
+        for j in range(m):
+            G[i, j] = B[i, dependent[j]]
     told[len(told) - 2] = factor(G, swaps)
     solve(G, swaps, c)
-    v[dependent] = c
+    for i in range(m):
+        v[dependent[i]] = c[i]
     for k in range(n):
         z, column = free[k], B[:, free[k]].copy()
         solve(G, swaps, column)
@@ -421,7 +422,8 @@ def rates(p: Array, t: float, y: Array, out: Array) -> None:
     fill_rows(p, t, q, v, g, B, c, gamma)
     solve(G, swaps, gamma)
     a[:] = 0.0
-    a[dependent] = gamma
+    for i in range(m):
+        a[dependent[i]] = gamma[i]
     driver = forces(p, t, q, v, F, told[2 * size + m :], sums)
     for k in range(len(block(p, CONTACTS))):
         sums[OF_SUMS * k + 2] = 0.0  # what clipping loses has a kink where the contact ends, and is known
@@ -437,8 +439,12 @@ def rates(p: Array, t: float, y: Array, out: Array) -> None:
     for r in range(size):
         for i in range(n):
             a[r] += T[r, i] * x[i]
-    out[: 2 * size], multipliers = told[: 2 * size], told[2 * size : 2 * size + m]
-    multipliers[:] = masses[dependent] * a[dependent] - F[dependent]
+    for r in range(2 * size):
+        out[r] = told[r]
+    multipliers = told[2 * size : 2 * size + m]
+    for i in range(m):
+        r = dependent[i]
+        multipliers[i] = masses[r] * a[r] - F[r]
     solve_transposed(G, swaps, multipliers)
     if scalars[MOTION] >= 0.0:  # the driver's row is the last, and so is the sum of its work
         sums[driver] = multipliers[m - 1] * driven(p, t)[1]

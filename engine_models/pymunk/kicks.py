@@ -91,7 +91,8 @@ def look_ahead(
     on = h / (2.0 * plan[LAST_KICK]) if plan[LAST_KICK] > 0.0 and not touching else 0.0
     for n in range(b):
         gain = on * (state[rows[n], 3:] - before[n])
-        before[n] = state[rows[n], 3:]
+        for k in range(3):
+            before[n, k] = state[rows[n], 3 + k]
         v[3 * n] += gain[0] + gain[2] * arms[n, 1]
         v[3 * n + 1] += gain[1] - gain[2] * arms[n, 0]
         v[3 * n + 2] += gain[2]
@@ -153,7 +154,9 @@ def account(
         if given == KNOWN and (phases[k, 0] == PUSHED or normal != 0.0):
             phases[k, 0], phases[k, 1], phases[k, 2] = GIVEN, normal, friction
     driver = eq.forces(p, plan[TIME], q, v, F, told, powers)
-    phases[:] = laws
+    for k in range(len(phases)):
+        for i in range(3):
+            phases[k, i] = laws[k, i]
     g, c, gamma, swaps = np.empty(m), np.empty(m), np.empty(m), np.empty(m, np.int64)
     B, by_mass, matrix, right = np.empty((m, size)), np.empty((m, size)), np.empty((m, m)), np.empty(m)
     eq.fill_rows(p, plan[TIME], q, v, g, B, c, gamma)
@@ -169,9 +172,10 @@ def account(
                 matrix[i, j] += by_mass[i, r] * B[j, r]
             matrix[j, i] = matrix[i, j]
     for more in (0.0, FLAT):
-        factors, multipliers[:] = matrix.copy(), right
+        factors = matrix.copy()
         for i in range(m):
             factors[i, i] *= 1.0 + more
+            multipliers[i] = right[i]
         eq.factor(factors, swaps)
         eq.solve(factors, swaps, multipliers)
         if np.isfinite(multipliers).all():

@@ -35,11 +35,13 @@ def trajectory_of_solution(
     contacts = {pin.name: _contact(scene.clearances[pin.name], solution, k) for k, pin in enumerate(of.loose)}
     position = solution.q.reshape(len(multipliers), -1, 3)
     velocity, acting = solution.v.reshape(position.shape), Forces(scene)
-    parts = acting.act(solution.time_s, position, velocity).parts
+    torque: FloatArray | None = None  # that of a drive which is none of the solution's rows
+    if of.drive.law is not None and not of.drive.prescribes:
+        torque = acting.act(solution.time_s, position, velocity).parts["driver"]
     works = acting.works_J(position, _integrated_works(scene, solution))
     driver_work = works.pop("driver", None)
     return Trajectory(
-        **vars(reactions_of(of, multipliers, contacts, parts.get("driver"))),
+        **vars(reactions_of(of, multipliers, contacts, torque)),
         time_s=solution.time_s,
         position=position,
         velocity=velocity,
