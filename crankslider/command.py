@@ -283,11 +283,13 @@ def compare(given: Given, as_json: bool = False) -> None:
     Args:
         as_json: print JSON.
     """
+    from reports.standings import standings_table
+
     changes = [f"--with {quote('='.join(change))}" for change in given.get("changes", {}).items()]
     typed = " ".join([quote(given["scene"]), *changes])
     result = given.to("compare", scene=given.to("read_scene"), given=typed)
     result.save(result.folder)
-    table = result.table()
+    table = standings_table(result.standings).cells()
     if as_json:
         print(table.to_json(orient="records", indent=2))
     else:

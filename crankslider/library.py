@@ -19,7 +19,7 @@ from warnings import warn
 import numpy as np
 from pydantic import Field, InstanceOf, TypeAdapter, ValidationError
 
-from crankslider.run import Run, Sweep, picture, require_file, require_outputs, write_file
+from crankslider.run import Comparison, Run, Sweep, picture, require_file, require_outputs, write_file
 from engine_models.engine import MOST_SAMPLES, Engine, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import engine_class, join
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
@@ -44,7 +44,6 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 if TYPE_CHECKING:
-    from crankslider.comparing import Comparison
     from studies.conform import Verdict
 
 __version__ = version("crankslider")
@@ -249,7 +248,7 @@ def compare(
     error: Number | None = None,
     signal: str | None = None,
     given: str | None = None,
-) -> "Comparison":
+) -> Comparison:
     """Compare engines on a scene and return rows, a recommendation, and a page that can be saved.
 
     Engines are judged by the largest error of a signal. The one is recommended that is at or below the error
@@ -266,7 +265,6 @@ def compare(
         BadInput: an argument or the scene is refused, it has no reference solution, or no engine can run it.
         Failed: the reference solution was not found, or no engine finished.
     """
-    from crankslider.comparing import Comparison
     from reports.results import read_study
     from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, ask, cases
     from studies.runner import run_cases

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from reports.results import Results
+    from reports.standings import Standings
+
 #: Endings of the files that a run is written to; and the place of no file.
 TABLES, PICTURES = (".csv", ".json", ".parquet", ""), (".png", ".svg", ".pdf")
 FILES = {"out": TABLES, "impacts": TABLES, "plot": PICTURES, "animate": (".html", ".gif", ".mp4")}
@@ -295,6 +298,57 @@ class Sweep:
             return sweep_picture(self.frame, self.fields, self.title, show)
         except NoPicture as reason:
             raise BadInput(f"plot: {reason}") from None
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """A comparison of engines on a scene.
+
+    ``results`` has the rows and their curves. ``run`` is the recommended run with more samples, None if there
+    is no recommendation. ``given`` is the scene as it is typed in a command, ``folder`` has the kept rows.
+    """
+
+    scene: Scene
+    results: "Results"
+    given: str
+    folder: Path
+    run: Run | None = None
+
+    @property
+    def frame(self) -> "pd.DataFrame":
+        """The rows, one per recorded or timed run, with settings, errors, times and reasons."""
+        return self.results.rows
+
+    @cached_property
+    def standings(self) -> "Standings":
+        """The result of every engine."""
+        from reports.standings import Standings
+
+        return Standings.of(self.frame)
+
+    @property
+    def recommendation(self) -> str:
+        """The recommended engine and setting, its cost, and its limit, in sentences."""
+        from reports.standings import sentences
+
+        return "\n".join(sentences(self.standings, self.given))
+
+    @check_arguments
+    def save(self, folder: Place) -> None:
+        """Write the page, ``index.html``, its figures and tables, and the rows, ``rows.csv``, to a folder."""
+        from reports.comparison import write_comparison
+
+        pictures = {}
+        if self.run is not None:
+            pictures["What does the recommended run look like?"] = self.run.plot()
+            for joint in self.scene.joints_with_clearance:
+                pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
+        with writing("folder", Path(folder)):
+            write_comparison(Path(folder), self.results, pictures, self.scene.to_toml(), self.given)
+        write_file("folder", Path(folder, "rows.csv"), self.frame.to_csv(index=False).encode())
+
+    def __repr__(self) -> str:
+        return self.recommendation
 
 
 @check_arguments

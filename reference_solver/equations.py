@@ -70,11 +70,6 @@ class Answer:
     damper_per_s: Scalar
     condition: Scalar
 
-    @property
-    def ok(self) -> Scalar:
-        """Whether there is an answer."""
-        return self.condition < math.inf
-
 
 class Equations:
     """The paper's equations for one mechanism with n = 3 x bodies coordinates and m constraint rows.
@@ -249,7 +244,7 @@ class Equations:
             FrictionTooStiff: a step of h is too long at this state.
         """
         answer = self.answer(t, q, v, phases)
-        if not answer.ok and np.isfinite(q).all() and np.isfinite(v).all():
+        if not answer.condition < math.inf and np.isfinite(q).all() and np.isfinite(v).all():
             if not self.factors(self.system(0.0, q).B).ok:
                 self.refuse_singular(t, q)
             joints = failures.listed([str(k) for _, k, *_ in self.rubbing])

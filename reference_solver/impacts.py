@@ -33,6 +33,7 @@ A pin that hits alone, without friction, and flies off again has its rebound in 
 """
 
 from itertools import chain, combinations, product
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,6 +91,9 @@ def complementary(W: FloatArray, b: FloatArray) -> FloatArray:
     and of equals the smallest. Sets of contacts that repeat one another are left out: fewer will do.
     """
     k, best, least = len(b), np.zeros(len(b)), np.inf
+    z, full = solve(W, -b)
+    if full and (z >= 0.0).all():  # all push, as most often
+        return z
     for size in range(k + 1):
         for members in map(list, reversed(list(combinations(range(k), size)))):
             z = np.zeros(k)
@@ -269,12 +273,13 @@ class Impacts:
 
     def _walls(self, run: Run) -> Walls:
         """Return the walls at a run's state; round-off of speeds from faster ones is that of the fastest."""
-        walls, t, p = np.recarray(1, self._record), float(run.state["time"][0]), self._kernel.p
+        at, t, p = np.zeros(1, self._record), float(run.state["time"][0]), self._kernel.p
         look = self._kernel.functions["walls"]
-        if not look(p, run.contacts.ctypes.data, t, run.rows[OLD], walls) < np.inf:
+        if not look(p, run.contacts.ctypes.data, t, run.rows[OLD], at) < np.inf:
             self._equations.refuse_singular(t, run.q)
-        walls[0].rate_noise = self._noise = np.maximum(self._noise, walls[0].rate_noise)
-        return walls[0]
+        walls = SimpleNamespace(**{name: at[name][0] for name in self._record.names or ()})
+        walls.rate_noise = self._noise = np.maximum(self._noise, walls.rate_noise)
+        return walls
 
     def _hit(self, run: Run, walls: Walls, takes_part: Chosen, hits: Chosen) -> Walls:
         """Have joints hit at once, those with ``hits`` by their restitution; return the walls after that.

@@ -22,8 +22,8 @@ import platformdirs
 
 #: The environment variable that puts the folder elsewhere.
 VARIABLE = "CRANKSLIDER_CACHE"
-#: The file that a process locks while it compiles, and for how long others wait for it, in s.
-LOCK, LONGEST_S = "compiling.lock", 60.0
+#: For how long others wait for a process that compiles, in s, and what this process has waited for or made.
+LONGEST_S, _THERE = 60.0, set[str]()
 WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 ROOT_USER = 0
 NOT_KEPT = "{}: expected a folder to keep kernels in, got '{}': {}"
@@ -107,13 +107,16 @@ def _checksum(name: str, data: bytes) -> bytes:
 
 
 @contextmanager
-def alone() -> Iterator[None]:
-    """Have one process at a time in this block: what the first compiles all others load."""
+def alone(what: str) -> Iterator[None]:
+    """Have one process at a time in the first block of a name: what that compiles all others load."""
     with ExitStack() as held:
-        with suppress(FolderRefused, OSError, sqlite3.Error):  # then every process compiles its own
-            lock = held.enter_context(closing(sqlite3.connect(private_folder() / LOCK, timeout=LONGEST_S)))
-            lock.execute("begin exclusive")
+        if what not in _THERE:
+            with suppress(FolderRefused, OSError, sqlite3.Error):  # then every process compiles its own
+                file = private_folder() / f"{what}.lock"
+                lock = held.enter_context(closing(sqlite3.connect(file, timeout=LONGEST_S)))
+                lock.execute("begin exclusive")
         yield
+        _THERE.add(what)
 
 
 @contextmanager

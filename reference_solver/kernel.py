@@ -168,12 +168,7 @@ def stepped(given: Given) -> list[Scalar]:
 
 #: The functions of a kernel by their names.
 FUNCTIONS: dict[str, Callable[[Given], list[Scalar]]] = {
-    "rates": rates,
-    "forces": forces,
-    "project": project,
-    "gaps": gaps,
-    "mobilities": mobilities,
-    "walls": walls,
+    **{function.__name__: function for function in (rates, forces, project, gaps, mobilities, walls)},
     "step": stepped,
 }
 
@@ -185,6 +180,11 @@ class Program:
     text: str
     names: tuple[str, ...]
     size: int
+
+    @cached_property
+    def functions(self) -> dict[str, Function]:
+        """The functions, compiled."""
+        return compile_text(self.text, self.names)
 
 
 @cache
@@ -244,7 +244,7 @@ class Kernel:
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
         self.topology, program = topology, program_of(topology.marked())
-        self.functions = compiled_program(program)
+        self.functions = program.functions
         own, of_tables = topology.numbers()
         self._numbers = np.array([*of_tables, *np.zeros(program.size)])
         self.p = self._numbers.ctypes.data + 8 * len(of_tables)
@@ -258,9 +258,3 @@ class Kernel:
             run.state["walls_p"] = self.p
         for name in FUNCTIONS.keys() & self.functions.keys():
             run.state["step_function" if name == "step" else name] = self.functions[name].address
-
-
-@cache
-def compiled_program(program: Program) -> dict[str, Function]:
-    """Return the functions of a program."""
-    return compile_text(program.text, program.names)

@@ -16,7 +16,6 @@ import math
 import platform
 import sys
 from collections.abc import Callable, Iterable
-from contextlib import nullcontext
 from functools import cache, partial
 from itertools import count
 from pathlib import Path
@@ -36,8 +35,8 @@ from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: How Numba compiles what calls such functions.
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
+#: How Numba compiles what calls such functions: counting references to rows would cost DOP853 a tenth.
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 ARRAY = types.CPointer(float64)
 ARGUMENTS = "ptr noalias readonly %p, ptr noalias readonly %contacts, double %t, ptr noalias readonly %y"
 BINARY = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
@@ -280,7 +279,10 @@ def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: An
             folder = private_folder() / f"numba-{digest_of(package)}"
         except (FolderRefused, OSError):
             return cast(F, by(*given, **options)(function))
-        with patch.object(numba.config, "CACHE_DIR", str(folder)), alone() if kinds else nullcontext():
+        with (
+            patch.object(numba.config, "CACHE_DIR", str(folder)),
+            alone(f"{folder.name}-{function.__name__}"),
+        ):
             return cast(F, by(*given, **options, cache=True)(function))
 
     return decorate

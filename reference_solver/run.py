@@ -74,11 +74,8 @@ TOUCH, RELEASE, CLIP, RESUME, REBOUND = 1, -1, 2, 3, 4
 #: An event: contact, and what it is; rate of g, penetration; of the contact that was until then its begin and
 #: approach speed, largest force and penetration with their times, impulse and losses; of a rebound the
 #: effective mass.
-EVENT_RECORD = np.dtype(
-    record(
-        "time_s rate depth began_s approach force force_s deepest deepest_s impulse lost mass", "contact what"
-    )
-)
+OF_EVENT = "time_s rate depth began_s approach force force_s deepest deepest_s impulse lost mass"
+EVENT_RECORD = np.dtype(record(OF_EVENT, "contact what"))
 
 #: Where a run is, and how it steps. In floats: time, end, the longest step, steps per contact; tolerance, the
 #: mechanism's length in m and rate in 1/s, the next step and that of the last flight, a contact's first step
@@ -121,7 +118,6 @@ METHOD_RECORD = np.dtype(
 
 #: An angle in rad, modulo a period, at which a load by a body's angle is not smooth, and the coordinate.
 KNOT_RECORD = np.dtype(record("angle period", "coordinate"))
-
 
 #: Of R rigid joints, (R,) each: their ``Separation``, the mobility along the normal that free bodies would
 #: have, in 1/kg, and friction as a part of the normal force.
@@ -191,8 +187,7 @@ class Run(NamedTuple):
     @property
     def v(self) -> FloatArray:
         """Return the velocities (n,), a view."""
-        n = int(self.state["n"][0])
-        return self.rows[OLD, n : 2 * n]
+        return self.rows[OLD, len(self.q) : 2 * len(self.q)]
 
     @property
     def sums(self) -> FloatArray:

@@ -72,10 +72,6 @@ class Solution:
             gaps[:, k] = pin.place.T - bearing.place.T
         return gaps
 
-    def impacts_of(self, contact: int) -> list[Impact]:
-        """Return the impacts of one contact, in the order of time."""
-        return [impact for impact in self.impacts if impact.contact == contact]
-
     def losses_J(self) -> FloatArray:
         """Return the energy that all contacts have dissipated, (s,)."""
         lost = [value for name, value in self.sums.items() if name.rstrip("0123456789") in LOSSES]

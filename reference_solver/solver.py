@@ -25,7 +25,6 @@ from reference_solver.tape import FloatArray, RecordArray
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
     from reference_solver.kernel import Kernel
 
-
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
 #: Flights between rigid walls that are no higher than so many times the distance's round-off are never seen;
@@ -138,8 +137,10 @@ class Solver:
         self._kernels: dict[tuple[int, ...], Kernel] = {}
         self.steps = self.settled = 0
         # The loop is compiled or loaded here and not in the run: a run of no length does it.
-        with alone():
-            self._advance(self._new(q_start, np.zeros_like(q_start), np.zeros(1), 0.0, 1.0))
+        run = self._new(q_start, np.zeros_like(q_start), np.zeros(1), 0.0, 1.0)
+        parts = bool(self._joints), run.method is not None, len(run.knots) > 0
+        with alone(f"loop-{'-'.join(map(str, parts))}"):
+            self._advance(run)
 
     def _kernel(self, following: tuple[int, ...]) -> "Kernel":
         from reference_solver.kernel import Kernel, Topology

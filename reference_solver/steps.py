@@ -21,8 +21,7 @@ from reference_solver.run import AT, END, GAP_FIELDS, NEW, OLD, SLOPES, SPARE, S
 
 inner = register_jitable(**OPTIONS)
 
-#: Part of the clearance (or of a radian) that a pin crosses in a step of flight, by RK4 and with error
-#: control.
+#: Part of the clearance (or a radian) that a pin crosses in a step of flight: by RK4, and controlled.
 FLIGHT_PART, CONTROLLED_FLIGHT_PART = 0.25, 0.5
 #: Part of its clearance that a pin moves at least in the first step of a contact and in the last: a shorter
 #: way is round-off, in which a touch looks like a release.

@@ -63,7 +63,7 @@ def _integrated_works(scene: Scene, solution: Solution) -> dict[str, FloatArray]
 
 def _contact(clearance: Clearance, solution: Solution, k: int) -> Contact:
     """Return what contact k of a solution did."""
-    sums, impacts = solution.sums, solution.impacts_of(k)
+    sums, impacts = solution.sums, [impact for impact in solution.impacts if impact.contact == k]
     rigid = clearance.law == "rigid"
     columns = {
         column.name: np.array([getattr(impact, column.name) for impact in impacts])

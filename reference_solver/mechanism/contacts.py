@@ -60,8 +60,6 @@ DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = MappingProxyType(
         "carvalho-martins": lambda e: 3 / 2 * (1 - e) * (11 - e) / (1 + 9 * e),
     }
 )
-
-
 #: As a part of the clearance: round-off of the penetration.
 LEAST_DEPTH = 1e-12
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.

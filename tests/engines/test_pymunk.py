@@ -18,8 +18,8 @@ from tests.engines.mechanism_texts import QUICK_RETURN, SCOTCH_YOKE
 from tests.engines.mechanism_texts import scene as mechanism
 from tests.engines.runs import errors, impact_numbers
 from tests.helpers.arrays import arrays
+from tests.helpers.ideal_crank_slider import exact
 from tests.scenes import scene
-from tests.studies.truth.closed_forms.crank_slider import exact
 
 SAMPLES = 20
 LIBRARY = PymunkEngine(**OUT_OF_THE_BOX.settings)  # type: ignore[arg-type]

@@ -20,8 +20,8 @@ from tests.engines.runs import engine as made
 from tests.engines.runs import true_solution
 from tests.helpers.arrays import arrays
 from tests.helpers.command import crankslider
+from tests.helpers.ideal_crank_slider import exact
 from tests.scenes import scene
-from tests.studies.truth.closed_forms.crank_slider import exact
 
 each = pytest.mark.parametrize("engine", ENGINES)
 

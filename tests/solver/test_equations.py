@@ -22,7 +22,7 @@ from engine_models.scene.short import CrankLoad, assembled
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contacts import CONTACT, exponent_of, stiffness_of
 from reference_solver.tape import Node, Scalar, Tape, Value
-from tests.studies.truth.closed_forms.crank_slider import configuration, crank_acceleration
+from tests.helpers.ideal_crank_slider import configuration, crank_acceleration
 
 #: Parts of the largest: what the tape and the independent numbers differ by, since a depth of a micrometre is
 #: the difference of lengths near a tenth of a metre, and what an alteration has to differ by at least.

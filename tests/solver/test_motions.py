@@ -15,7 +15,7 @@ from engine_models.scene.short import CrankGas, CrankLoad
 from reference_solver.mechanism.data import ConstantSpeed, Course, Fluctuation, Motion, Ramp
 from reference_solver.mechanism.motions import PiecewiseCubic, moved, pieces_of
 from tests.engines.runs import errors
-from tests.studies.truth.closed_forms.crank_slider import exact
+from tests.helpers.ideal_crank_slider import exact
 
 SAMPLES = 40
 

@@ -12,7 +12,7 @@ from engine_models.engines import make_engine
 from engine_models.mechanics.quality import quality_of, require_quality
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
-from tests.studies.truth.closed_forms.crank_slider import exact
+from tests.helpers.ideal_crank_slider import exact
 
 SAMPLES, WRONG_FROM = 20, 8
 Planted = tuple[Scene, Trajectory]

@@ -12,7 +12,7 @@ from reports.extremes import FAILED, answers
 from reports.results import frame
 from studies import extremes
 from studies.case import Row, run_case
-from tests.studies.truth.closed_forms.crank_slider import exact
+from tests.helpers.ideal_crank_slider import exact
 
 CASES = {(case.scene.name, case.engine, case.arm.name): case for case in extremes.cases(full=True)}
 RIGHT: Row = {"relative_error": 1e-4, "unaccounted_energy_part": 1e-4, "constraint_relative": 1e-6}

@@ -15,8 +15,8 @@ import crankslider as cs
 from engine_models.scene.scene import Scene
 from studies.store import Store
 from studies.sweep import draw_values
+from tests.helpers.ideal_crank_slider import configuration
 from tests.helpers.running import Here
-from tests.studies.truth.closed_forms.crank_slider import configuration
 
 NAME, CLEARANCE = "clearance-driven-0.5mm", "clearance.B.radial_clearance_m"
 SPEED, ANGLE = "start.crank_speed_rad_s", "start.crank_angle_rad"

@@ -15,7 +15,7 @@ from reports.look import command
 from studies.accuracy import cases
 from studies.failures import Failed
 from tests.helpers.command import crankslider, table_of
-from tests.studies.truth.closed_forms.crank_slider import exact
+from tests.helpers.ideal_crank_slider import exact
 
 SHORT = ("--end", 0.001, "--samples", 4)
 

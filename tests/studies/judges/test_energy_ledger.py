@@ -12,7 +12,7 @@ from engine_models.scene.library import SCENES, ideal_torque
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import dissipated, stored
 from studies.judges.metrics import energy_balance_residual_J, numerical_gain_J
-from tests.studies.truth.closed_forms.crank_slider import exact
+from tests.helpers.ideal_crank_slider import exact
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from studies.judges.converged_truth import Solved, reach
 from studies.judges.energy_ledger import constraint_speed_m_s
 from studies.judges.horizon import first_beyond_s
 from studies.judges.metrics import constraint_violation_m, errors, scales, sizes, uncertainties
-from tests.studies.truth.closed_forms.crank_slider import exact
+from tests.helpers.ideal_crank_slider import exact
 
 POSITION = "slider_position_error_m"
 EPS = 2.0**-52

@@ -18,7 +18,7 @@ from studies.judges.converged_truth import INDEPENDENT, converged, followed, tru
 from studies.judges.metrics import constraint_violation_m, energy_balance_residual_J, kinetic_energy_J
 from tests.engines.runs import errors, numbers
 from tests.helpers.crank_sliders import pendulum
-from tests.studies.truth.closed_forms.crank_slider import configuration, exact
+from tests.helpers.ideal_crank_slider import configuration, exact
 
 #: Set R: crank radius times speed squared is the scale of the accelerations.
 SPEED = 2 * np.pi * 5000 / 60
