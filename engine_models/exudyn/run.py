@@ -4,7 +4,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from engine_models.engine import BareRun, FloatArray, RunSettings, SimulationFailed, Trajectory
-from engine_models.exudyn.contact import contact_record, contact_states
+from engine_models.exudyn.contact import contact_record
 from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, integral, link_rows, states
@@ -93,7 +93,9 @@ def _solved(engine: ExudynEngine, scene: Scene, run: RunSettings, every: int) ->
 
 def _reactions(forces: Forces, motion: Motion, time_s: FloatArray) -> Reactions:
     """Return all forces at times (n,)."""
-    return forces.reactions(time_s, *motion.at(time_s), contact_states(forces, motion, time_s))
+    moved = motion.at(time_s)
+    acting = forces.act(time_s, *moved[:2], approach_m_s=motion.approach_m_s(time_s))
+    return forces.reactions(time_s, *moved, acting.contacts)
 
 
 def _recorded(scene: Scene, model: Model, tree: bool) -> Motion:

@@ -17,7 +17,7 @@ from studies.judges.converged_truth import Solved, followed, solved, times_betwe
 #: that the judged samples have to see.
 FINE, SEEN = 4800, 0.99
 #: Equal steps of a run that is not made twice: who reads every step may round otherwise, by some last places.
-TWICE = 20_000
+TWICE = 5_000
 
 
 @dataclass(frozen=True)

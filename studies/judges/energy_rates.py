@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
-from scipy.stats import theilslopes
 
 from engine_models.engine import FloatArray
 
@@ -45,6 +43,9 @@ def drift_rate(time_s: FloatArray, value: FloatArray, blocks: int) -> Rate:
     steps, as round-off and impacts make. The interval is therefore Student's, from the slopes of five parts
     of the run, which are independent for both (batch means); for noise about a line it is too wide.
     """
+    from scipy.stats import t as student  # which takes a second to load
+    from scipy.stats import theilslopes
+
     if blocks % PARTS or blocks < 2 * PARTS or len(time_s) <= blocks:
         raise ValueError(f"blocks: expected a multiple of {PARTS} below {len(time_s)}, got {blocks}")
     # The first sample is left out: then samples divide into blocks, and a start that is exact has no weight.
