@@ -1,8 +1,6 @@
 # `make study` and `make test` need Python 3.10+ (with venv and pip) and make, nothing else.
 PYTHON ?= python3
 BIN := .venv/bin
-# Bytecode is kept: every process of a study reads the same modules.
-unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: study published-page test system accuracy planted check lint types benchmark publish lock clean
 
