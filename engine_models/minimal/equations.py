@@ -30,7 +30,7 @@ jit = njit(error_model="numpy")
 #: Blocks of p: bodies (mass, mass, inertia); joints; contacts; parts of loads; curves; their pieces; scalars;
 #: coordinates, dependent ones first, and their units; contacts' phases; and what the last evaluation tells.
 #: (For each int of Python's Numba would compile ``block`` again.)
-BODIES, JOINTS, CONTACTS, PARTS, CURVES, PIECES, SCALARS, ORDER, PHASES, TOLD = np.arange(10)
+BODIES, JOINTS, CONTACTS, PARTS, CURVES, PIECES, SCALARS, ORDER, PHASES, TOLD = map(np.int64, range(10))
 #: Kinds of joints, by their rows: a pin two; across a line; equal angles; a driven angle; a driven way.
 PIN, ACROSS, PARALLEL, DRIVEN_ANGLE, DRIVEN_WAY = range(5)
 #: Kinds of parts of loads: along a line; torques; between two points.
