@@ -18,15 +18,14 @@ not read. A mechanism is one array of numbers p, by the blocks below, and so the
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from reference_solver.machine_code import compiled
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-#: How functions are compiled; of those that Python calls machine code is kept, with all that they call.
-jit = njit(error_model="numpy")
+#: How functions are compiled that others call: kept, they are compiled once for all of these.
+jit = compiled(error_model="numpy")
 #: Blocks of p: bodies (mass, mass, inertia); joints; contacts; parts of loads; curves; their pieces; scalars;
 #: coordinates, dependent ones first, and their units; contacts' phases; and what the last evaluation tells.
 #: (For each int of Python's Numba would compile ``block`` again.)
