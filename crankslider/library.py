@@ -441,7 +441,7 @@ def verdicts_on(engine: str) -> "Iterator[Verdict]":
     return verdicts(read_engine(engine, {}))
 
 
-def verdicts_on_file(table: str, scene: str) -> "Iterator[Verdict]":
+def verdicts_on_table(table: str, scene: str) -> "Iterator[Verdict]":
     """Yield a verdict on each column that a CSV table of another solver has as ``simulate`` names it.
 
     Its times ``time_s`` are equally spaced from 0 on, since the reference solution is sampled so. What is

@@ -105,10 +105,12 @@ def measure_all(engines: Collection[str] = arms.NAMED) -> pd.DataFrame:
     todo = list(cases(engines))
     with Pool(os.cpu_count() or 1) as pool:
         done = track(pool.results(run_case, todo), "baselines", len(todo), console=progress_console())
-        rows = {case.key: result for case, result in done}
-    if broken := [result for result in rows.values() if isinstance(result, Ended)]:
-        raise Failed(str(broken[0]))
-    ran = [(case, row) for case in todo if (row := rows[case.key][0])["status"] != "unsupported"]
+        rows = dict[str, Row]()
+        for case, result in done:
+            if isinstance(result, Ended):
+                raise Failed(str(result))
+            rows[case.key], _ = result
+    ran = [(case, rows[case.key]) for case in todo if rows[case.key]["status"] != "unsupported"]
     table = pd.DataFrame([numbers(*each) for each in ran], columns=[*RUN, *FLOORS])
     smooth = table[table["scene"].str.startswith("ideal") & table["setting"].str.startswith("step")]
     for _, series in smooth.groupby(RUN[:3]):
