@@ -247,10 +247,11 @@ def truth(given: Given) -> None:
 def write(given: Given, solve: str) -> None:
     """Write what was asked for of a run, without files its samples to stdout, and notes."""
     scene = given.to("read_scene")
-    given.to("require_outputs", scene=scene, inputs=given.to("files_of"))
+    files = {name: given[name] for name in ("out", "impacts", "plot", "animate") if name in given}
+    given.to("require_outputs", scene=scene, files=files)
     if "plot_columns" in given:
         given["plot_columns"] = [name for each in given["plot_columns"] for name in each.split(",")]
-    if not given.keys() & {"out", "impacts", "plot", "animate"} and log.isEnabledFor(logging.INFO):
+    if not files and log.isEnabledFor(logging.INFO):
         given["out"] = "-"
     with progress(scene.end_time_s):
         run = given.to(solve, scene=scene, end=None)

@@ -38,7 +38,7 @@ BEGIN = "import sys; sys.path[:] = sys.argv[3:]; from studies.workers import ser
 PR_SET_PDEATHSIG = 1
 
 
-class Ended(Exception):
+class Ended(SimulationFailed):
     """A call's process died, or was killed at its limit; ``status`` is what its row says."""
 
     def __init__(self, status: str, reason: str) -> None:

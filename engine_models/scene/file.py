@@ -5,7 +5,6 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from engine_models.scene.format import SceneError as SceneError
 from engine_models.scene.plain_words import shortened
@@ -63,18 +62,6 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
                 reasons.append(f"{file}line {line}: {why}" if line else f"{file}{why}")
                 file = ""
         raise SceneError(*reasons) from None
-
-
-def sources(path: Path, changes: Fields = NONE) -> list[Path]:
-    """Return the files that a scene was loaded from: its own and those of its tables."""
-    files, sections = (
-        [path],
-        list[Mapping[str, Any]]([with_fields(tomllib.loads(read_text(path, "a scene")), changes)]),
-    )
-    for section in sections:
-        sections += [part for part in section.values() if isinstance(part, Mapping)]
-        files += [folder_of(path) / str(section["file"])] if "file" in section else []
-    return files
 
 
 def folder_of(path: Path) -> Path:

@@ -169,5 +169,6 @@ def test_pytest_holds_it_to_the_claims_in_the_users_own_project(written: Path) -
     done = subprocess.run([*command, "-k", "ideal-free"], cwd=written, capture_output=True, text=True)
     failed = {line for line in done.stdout.splitlines() if line.startswith("FAILED")}
     assert done.returncode == 1, done.stdout + done.stderr
-    assert any("What the scene observes is where" in line for line in failed), done.stdout
-    assert not any("ledger" in line for line in failed)
+    assert [line for line in failed if "ideal-free" in line] == [*failed], done.stdout
+    assert "What the scene observes is where" in done.stdout
+    assert "No energy comes or goes" not in done.stdout
