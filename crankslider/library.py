@@ -382,8 +382,7 @@ def run_studies(
         scheduler: address of a Dask scheduler; timed cases run here.
         retry_failed: run cases again that neither finished nor were refused.
     """
-    from studies.case import load_study
-    from studies.registry import STUDIES
+    from studies.case import STUDIES, load_study
     from studies.runner import run_cases
 
     for name in studies:

@@ -77,12 +77,12 @@ def draw_values(
 
 
 class Range(NamedTuple):
-    """Numbers from ``low`` to ``high``, in equal ratios if ``log``; no ``count`` where they are drawn."""
+    """Numbers from ``low`` to ``high``, in equal ratios if ``log``; no ``steps`` where they are drawn."""
 
     low: float
     high: float
     log: bool
-    count: int | None
+    steps: int | None
 
     def at(self, part: FloatArray) -> FloatArray:
         """Return the numbers at parts of the way, (n,), from 0 to 1."""
@@ -122,10 +122,10 @@ def _grid(
     axes = []
     for field, values in ranges.items():
         if isinstance(values, Range):
-            if not 2 <= (values.count or 0) <= MOST_MEMBERS:
+            if not 2 <= (values.steps or 0) <= MOST_MEMBERS:
                 expected = f"a count from 2 to {MOST_MEMBERS} behind the ends on a grid"
-                raise BadInput(f"vary {field}: expected {expected}, got {values.count or 'none'}")
-            values = values.at(np.linspace(0.0, 1.0, values.count or 0))
+                raise BadInput(f"vary {field}: expected {expected}, got {values.steps or 'none'}")
+            values = values.at(np.linspace(0.0, 1.0, values.steps or 0))
         axes.append(values)
     if not 0 < (count := math.prod(map(len, axes)) * (members or 1)) <= MOST_MEMBERS:
         raise BadInput(f"vary: expected 1 to {MOST_MEMBERS} members, got {count}")
@@ -150,7 +150,7 @@ def _drawn(
         points = qmc.LatinHypercube(fields, seed=generator).random(members)
     values = {}
     for (field, wanted), part in zip(ranges.items(), points[:members].T, strict=True):
-        if not isinstance(wanted, Range) or wanted.count is not None:
+        if not isinstance(wanted, Range) or wanted.steps is not None:
             raise BadInput(f"vary {field}: expected LOW:HIGH[:log] with sample {sample}, got other values")
         values[field] = wanted.at(part)
     return values
