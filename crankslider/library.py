@@ -33,7 +33,6 @@ from engine_models.scene.plain_words import (
     one_of,
     refusal,
     shown,
-    typed,
     unknown,
 )
 from engine_models.scene.scene import Scene
@@ -129,7 +128,7 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
     except ValueError as reason:
         raise BadInput(str(reason)) from None
     try:
-        engine: Engine = TypeAdapter(kind).validate_strings({key: typed(it) for key, it in settings.items()})
+        engine: Engine = TypeAdapter(kind).validate_strings({key: str(it) for key, it in settings.items()})
     except ValidationError as error:
         raise BadInput(refusal(error, settings, fields(kind))) from None
     if not to_tolerance or "method" in settings:

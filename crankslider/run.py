@@ -341,7 +341,7 @@ class Comparison:
         pictures = {}
         if self.run is not None:
             pictures["What does the recommended run look like?"] = self.run.plot()
-            for joint in self.scene.joints_with_clearance:
+            for joint in self.scene.clearances:
                 pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
         with writing("folder", Path(folder)):
             write_comparison(Path(folder), self.results, pictures, self.scene.to_toml(), self.given)
@@ -364,7 +364,7 @@ def require_outputs(
     """Refuse, before any work, files that cannot be written, have other endings, or are taken already."""
     if exaggerate != 1.0 and animate is None:
         raise BadInput(f"exaggerate: expected nothing without animate, got {exaggerate:g}")
-    if impacts is not None and not scene.joints_with_clearance:
+    if impacts is not None and not scene.clearances:
         raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has no impacts")
     taken = [os.path.realpath(name) for name in inputs]
     for name, place in {"out": out, "impacts": impacts, "plot": plot, "animate": animate}.items():
