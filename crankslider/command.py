@@ -166,7 +166,7 @@ def scenes(as_json: bool = False) -> None:
     rows = [("scene", "drive", "clearance", "end time", "about")]
     for name, make in ALL_SCENES.items():
         scene = make()
-        joints, end = ", ".join(scene.joints_with_clearance) or "none", f"{scene.end_time_s:g} s"
+        joints, end = ", ".join(scene.clearances) or "none", f"{scene.end_time_s:g} s"
         rows.append((name, scene.drive.kind, joints, end, described(make)[0].partition("\n")[0]))
     if as_json:
         print(json.dumps([dict(zip(rows[0], row, strict=True)) for row in rows[1:]], indent=2))

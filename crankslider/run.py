@@ -332,7 +332,7 @@ class Comparison:
         pictures = {}
         if self.run is not None:
             pictures["What does the recommended run look like?"] = self.run.plot()
-            for joint in self.scene.joints_with_clearance:
+            for joint in self.scene.clearances:
                 pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
         with writing("folder", Path(folder)):
             write_comparison(Path(folder), self.results, pictures, self.scene.to_toml(), self.given)
@@ -347,7 +347,7 @@ def require_outputs(scene: InstanceOf[Scene], files: Mapping[str, Place], exagge
     """Refuse, before any work, files that cannot be written, have other endings, or are one."""
     if exaggerate != 1.0 and "animate" not in files:
         raise BadInput(f"exaggerate: expected nothing without animate, got {exaggerate:g}")
-    if "impacts" in files and not scene.joints_with_clearance:
+    if "impacts" in files and not scene.clearances:
         raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has no impacts")
     for name, place in files.items():
         require_file(name, place, FILES[name])

@@ -71,7 +71,7 @@ def cases(engines: Collection[str] = arms.NAMED) -> Iterator[Case]:
     """
     for name, (end_s, step_s, tolerance, settings) in RUNS.items():
         scene = SCENES[name]().replace("end_time_s", end_s)
-        loose = bool(scene.joints_with_clearance)
+        loose = bool(scene.clearances)
         for arm in (*(LOOSE if loose else IDEAL), *arms.newcomers()):
             by_step = make_engine(arm.engine, **arm.settings).order is not None
             longest_s = step_s * (LOCATING if arm.settings.get("locate_events") else 1)

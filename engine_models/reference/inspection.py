@@ -53,7 +53,7 @@ def _size(scene: Scene, rank: Rank) -> str:
         "spring": len(of.springs),
     }
     parts = ", ".join(_counted(count, name) for name, count in counts.items() if count)
-    loose = f" (with {', '.join(scene.joints_with_clearance)} taken as ideal)" if of.loose else ""
+    loose = f" (with {', '.join(scene.clearances)} taken as ideal)" if of.loose else ""
     rows = f"{rank.rows} rows of rank {rank.rank}{loose}"
     return f"{scene.name}: {parts}; {rows}, {_counted(rank.freedoms, 'degree')} of freedom"
 

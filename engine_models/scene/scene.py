@@ -18,7 +18,7 @@ from engine_models.scene import format as form
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.format import Named, Place, SceneError, require, require_known
 from engine_models.scene.plain_words import expect, one_of, shown
-from engine_models.scene.short import OF_GENERAL, CrankSlider, Link, Slider, assembled, in_short
+from engine_models.scene.short import OF_GENERAL, CrankSlider, assembled, in_short
 from reference_solver.mechanism import data
 from reference_solver.mechanism.data import GROUND, Course, Motion, Point
 from reference_solver.mechanism.loads import distance_m
@@ -166,13 +166,6 @@ class Scene(form.Top):
         assert self._short is not None, f"scene {self.name}: neither a crank-slider nor a pendulum"
         return self._short
 
-    def crank_slider(self) -> tuple[Link, Link, Slider]:
-        """Return crank, rod and slider of a scene that is written as a crank-slider."""
-        rod, slider = self.short.rod, self.short.slider
-        assert rod is not None
-        assert slider is not None
-        return self.short.crank, rod, slider
-
     def number(self, name: str) -> int:
         """Return the number of a body, or of the ground."""
         return GROUND if name == "ground" else [*self.body].index(name)
@@ -239,24 +232,10 @@ class Scene(form.Top):
         return self.number(self.driven) if is_pinned else None
 
     @property
-    def speed_is_prescribed(self) -> bool:
-        """Whether the driver keeps a speed, constant or not, whatever that takes."""
-        return self.mechanism.drive.prescribes
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the joints, in their order."""
-        return tuple(pin.name for pin in self.mechanism.pins)
-
-    @property
     def clearances(self) -> dict[str, form.Clearance]:
         """The clearances of the joints that have one, by the joints' names, in their order."""
-        return {name: self.clearance[name] for name in self.joints if name in self.clearance}
-
-    @property
-    def joints_with_clearance(self) -> tuple[str, ...]:
-        """Names of the joints with clearance, in their order."""
-        return tuple(self.clearances)
+        names = [pin.name for pin in self.mechanism.pins]
+        return {name: self.clearance[name] for name in names if name in self.clearance}
 
 
 def with_fields(data: dict[str, Any], fields: Mapping[str, object]) -> dict[str, Any]:
@@ -477,7 +456,7 @@ def _refused(scene: Scene, reason: str) -> str:
     start, expected = scene.start, reason.partition(", got")[0]
     if "speeds" not in expected or start.states:
         return f"start.hold: {reason}" if "held" in expected and start.hold else f"start: {reason}"
-    drives = scene.speed_is_prescribed and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
+    drives = scene.mechanism.drive.prescribes and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
     also = f" (that of {scene.driven}, by the drive, among them)" if drives else ""
     key = "speed_m_s" if start.speed_m_s and not start.speed_rad_s else "speed_rad_s"
     return f"start.{key}: {reason}{also}"

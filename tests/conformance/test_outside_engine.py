@@ -39,7 +39,7 @@ class MyEngine:
     accuracy_m = {accuracy_m}
 
     def check(self, scene):
-        if scene.joints_with_clearance or not scene.name.startswith(tuple({on})):
+        if scene.clearances or not scene.name.startswith(tuple({on})):
             raise UnsupportedScene("no clearance")
 
     def twin(self, scene):

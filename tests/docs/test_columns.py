@@ -60,7 +60,7 @@ def test_the_columns_of_runs_are_those_on_the_page() -> None:
         words = {
             "OBSERVED": observed,
             "BODY": of.mechanism.names,
-            "JOINT": of.joints,
+            "JOINT": [pin.name for pin in of.mechanism.pins],
             "NAME": parts,
             "MARKER": of.markers,
         }

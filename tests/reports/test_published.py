@@ -28,7 +28,7 @@ MOST_BYTES = 5_000_000
 #: the last place, which moves an error by some multiple of the truth's own uncertainty, itself round-off.
 AGREEMENT, UNCERTAINTIES = 1e-3, 100
 SCENES = groupby(
-    (case for case in accuracy.cases(full=False) if not case.scene.joints_with_clearance),
+    (case for case in accuracy.cases(full=False) if not case.scene.clearances),
     key=lambda case: (case.scene.name, case.arm.label),
 )
 CASES = [next(cases) for _, cases in SCENES]
