@@ -489,6 +489,7 @@ class PlacedStart(SceneData):
 
     angle_rad: Named[Angle] = {}
     position_m: Named[float] = {}
+    place_m: Named[Place] = {}
     hold: Annotated[tuple[PartName, ...], Field(strict=False)] = ()
     speed_rad_s: Named[float] = {}
     speed_m_s: Named[float] = {}

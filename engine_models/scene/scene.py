@@ -273,14 +273,15 @@ def _names(scene: Scene) -> Iterator[tuple[str, str | None, Iterable[str], str]]
         yield f"load.{name}.gas.body", load.gas.body if load.gas else None, bodies, "a body"
     yield "drive.body", scene.drive.body, bodies, "a body"
     yield "drive.guide", scene.drive.guide, guides, "a guide"
-    told = [("angle_rad", bodies), ("speed_rad_s", bodies), ("position_m", guides), ("speed_m_s", guides)]
-    for key, known in told:
+    pinned = [pin for pin, parts in pins.items() if parts != ["ground"]]
+    told = {"angle_rad": "a body", "speed_rad_s": "a body", "position_m": "a guide", "speed_m_s": "a guide"}
+    for key, what in (told | {"place_m": "a pin of a body"}).items():
         for name in getattr(start, key):
-            yield f"start.{key}.{name}", name, known, "a body" if known is bodies else "a guide"
+            yield f"start.{key}.{name}", name, {"a body": bodies, "a guide": guides}.get(what, pinned), what
     for place, name in enumerate(start.hold):
-        yield f"start.hold.{place}", name, bodies + guides, "a body or a guide"
+        yield f"start.hold.{place}", name, [*bodies, *guides, *start.place_m], "a body, a guide or a pin told"
     yield "turning", scene.turning or None, bodies, "a body, or none"
-    observed = [f"{pin}.{axis}" for pin, parts in pins.items() if parts != ["ground"] for axis in "xy"]
+    observed = [f"{pin}.{axis}" for pin in pinned for axis in "xy"]
     observed += [f"{name}.angle" for name in bodies] + [f"{name}.along" for name in guides]
     yield "observe", scene.observe, observed, "a pin's x or y, a body's angle or a guide's along"
 
@@ -313,9 +314,9 @@ def _check_parts(scene: Scene) -> None:
         driven = load.gas is None or load.gas.body or scene.drive.body
         require(driven is not None, f"{path}.gas.body", "a body, or drive.body", None)
     for place, name in enumerate(start.hold):
-        alone = not (name in scene.body and name in scene.guide)
-        require(alone, f"start.hold.{place}", "a name that is of a body or of a guide", name)
-    for key in ("angle_rad", "position_m", "hold") if start.states else ():
+        one = (name in scene.body) + (name in scene.guide) + (name in start.place_m) == 1
+        require(one, f"start.hold.{place}", "a name that is of a body, of a guide or of a pin", name)
+    for key in ("angle_rad", "position_m", "place_m", "hold") if start.states else ():
         came = getattr(start, key)
         require(not came, f"start.{key}", "nothing beside the state of every body", came)
     kept = [guide.body for guide in scene.guide.values() if guide.on == "ground" and not guide.turns]
@@ -404,7 +405,7 @@ def _drive(scene: Scene, bodies: tuple[data.Body, ...], guides: tuple[data.Guide
         body, speed = guides[number].body_j, start.speed_m_s.get(name)
         if speed is None and start.states:
             q, v = state_of(scene)
-            speed = float(Joints(data.MechanismData(bodies, (), guides)).way_rows(q)[number] @ v)
+            speed = float((Joints(data.MechanismData(bodies, ())).told_rows(q, [guides[number]]) @ v)[0])
     speed = speed or 0.0
     law: data.DriveLaw | None = None
     match drive.kind:
@@ -442,8 +443,8 @@ def _placed(scene: Scene, short: CrankSlider | None) -> Placed:
         if scene.start.states:
             q, v = state_of(scene)
             require_closed(of, q, v)
-        elif short is not None and short.guide == (0.0, 0.0) and not told.speed_m_s:
-            q, v = assembled(short, short.start.crank_angle_rad, told.speed_rad_s.get(0, 0.0))
+        elif short is not None and short.guide == (0.0, 0.0) and told.speeds.keys() <= {0}:
+            q, v = assembled(short, short.start.crank_angle_rad, told.speeds.get(0, 0.0))
         else:
             start, what = assemble(of, told), "guide" if scene.drive.guide else "body"
             moves = scene.drive.kind == "free" or start.drive_moves
@@ -452,10 +453,7 @@ def _placed(scene: Scene, short: CrankSlider | None) -> Placed:
                 f"{name} turned by {abs(x):.3g} rad": x
                 for name, x in zip(scene.body, start.turned_rad, strict=True)
             }
-            moved |= {
-                f"{name} moved along by {abs(x):.3g} m": x * (name in scene.start.position_m)
-                for name, x in zip(scene.guide, start.moved_m, strict=True)
-            }
+            moved |= {f"{name} moved by {x:.3g} m": x for name, x in start.moved_m.items()}
             words = ", ".join(what for what, x in moved.items() if abs(x) > ROUND_OFF) or "nothing moved"
             q, v = start.q, start.v
     except NotAssembled as reason:
@@ -483,36 +481,43 @@ def _told(scene: Scene) -> "assembly.Told":
     """Return what the file tells of the start, by numbers, with the speed of what is driven."""
     from reference_solver.mechanism.assembly import Told
 
-    start, drive, held = scene.start, scene.mechanism.drive, held_at_start(scene)
-    bodies, guides = [*scene.body], [*scene.guide]
-    angles, speeds = (
-        {bodies.index(name): x for name, x in of.items()} for of in (start.angle_rad, start.speed_rad_s)
-    )
-    ways, along = (
-        {guides.index(name): x for name, x in of.items()} for of in (start.position_m, start.speed_m_s)
-    )
-    if isinstance(drive.law, Motion):
-        driven, number = (speeds, drive.body) if drive.guide is None else (along, drive.guide)
-        speed = float(moved(going_on(drive.law, drive.clock_s), 0.0)[1])
-        if isinstance(drive.law, Course) and number in driven:
-            rates = curve_of(drive.law.table).derivative()(drive.law.table.x)
-            alike = abs(driven[number] - speed) <= ALIKE * max(map(abs, rates))
-            field = f"start.speed_{'rad_s' if drive.guide is None else 'm_s'}.{scene.driven}"
+    start, of = scene.start, scene.mechanism
+    bodies: dict[str, assembly.Quantity] = {name: number for number, name in enumerate(scene.body)}
+    guides, places = {guide.name: guide for guide in of.guides}, dict[str, list[data.Guide]]()
+    values = {bodies[name]: angle for name, angle in start.angle_rad.items()}
+    values |= {guides[name]: way for name, way in start.position_m.items()}
+    for pin, place in start.place_m.items():
+        ends = _ends(scene, ("ground", 0.0), (scene.pins[pin][-1], pin))
+        places[pin] = [data.Guide(**ends, angle_rad=angle, name=pin) for angle in (0.0, math.pi / 2)]
+        values |= dict(zip(places[pin], place if isinstance(place, tuple) else (place, 0.0), strict=True))
+    speeds = {bodies[name]: speed for name, speed in start.speed_rad_s.items()}
+    along: dict[assembly.Quantity, float] = {guides[name]: speed for name, speed in start.speed_m_s.items()}
+    if isinstance(law := of.drive.law, Motion):
+        rates, driven = speeds, bodies.get(scene.driven, of.drive.body)
+        if of.drive.guide is not None:
+            rates, driven = along, of.guides[of.drive.guide]
+        speed = float(moved(going_on(law, of.drive.clock_s), 0.0)[1])
+        if isinstance(law, Course) and driven in rates:
+            fastest = max(map(abs, curve_of(law.table).derivative()(law.table.x)))
+            field = f"start.speed_{'rad_s' if rates is speeds else 'm_s'}.{scene.driven}"
             expected = f"the speed of the drive's table when the scene begins, {speed:.4g}"
-            require(alike, field, expected, driven[number])
+            require(abs(rates[driven] - speed) <= ALIKE * fastest, field, expected, rates[driven])
         if speed or speeds or along:
-            driven[number] = speed
-    held_bodies = tuple(bodies.index(name) for name in held if name in bodies)
-    held_guides = tuple(guides.index(name) for name in held if name in guides)
-    return Told(angles, ways, held_bodies, held_guides, speeds, along)
+            rates[driven] = speed
+    names = held_at_start(scene)
+    held = [of[name] for of in (bodies, guides) for name in names if name in of]
+    held += [line for name in names for line in places.get(name, ())]
+    return Told(values, held, speeds | along)
 
 
 def held_at_start(scene: Scene) -> tuple[str, ...]:
     """Return the bodies and guides whose values are held.
 
-    Unless ``hold`` names them, it is what is driven, else the first body or guide told.
+    Unless ``hold`` names them, it is what is driven, else the first body or guide told; what is driven is
+    not held untold where a pin's place is told.
     """
-    if scene.start.hold or scene.drive.kind != "free":
-        return scene.start.hold or (scene.driven,)
-    told = [name for name in scene.body if name in scene.start.angle_rad]
-    return (*told, *scene.start.position_m)[:1]
+    start, told = scene.start, [name for name in scene.body if name in scene.start.angle_rad]
+    told += start.position_m
+    if start.hold or (scene.drive.kind != "free" and (scene.driven in told or not start.place_m)):
+        return start.hold or (scene.driven,)
+    return tuple(told[:1])
