@@ -109,7 +109,7 @@ def _turning_points(scene: Scene, run: Trajectory) -> list[str]:
     spins[f"limit position of {of.bodies[turning].name}"] = turning
 
     def parts(w: FloatArray, q: FloatArray) -> dict[str, float]:
-        ways = joints.way_rows(q) @ w if of.guides else ()
+        ways = joints.told_rows(q, of.guides) @ w
         return {name: ways[k] for name, k in rows.items()} | {name: w[3 * k + 2] for name, k in spins.items()}
 
     lines = []

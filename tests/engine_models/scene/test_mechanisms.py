@@ -139,6 +139,37 @@ def test_what_is_observed_is_a_place_an_angle_or_a_way(text: str, body: int, wha
     assert (observed.body, observed.what, observed.unit) == (body, what, unit)
 
 
+# Starts by places
+
+ARM = """
+name = "arm"
+end_time_s = 1.0
+observe = "B.x"
+ground.pins_m = { O = 0.0 }
+body.upper = { pins_m = { O = 0.0, A = 1.0 }, mass_kg = 1.0, inertia_kg_m2 = 0.1 }
+body.lower = { pins_m = { A = 0.0, B = 0.5 }, mass_kg = 1.0, inertia_kg_m2 = 0.1 }
+start = { angle_rad = { upper = 0.5, lower = -0.5 }, place_m = { B = [0.9, "90 cm"] }, hold = ["B"] }
+"""
+
+
+def test_a_pin_that_is_held_is_where_the_law_of_cosines_has_the_angles_of_an_arm() -> None:
+    reach = math.hypot(0.9, 0.9)
+    q = from_toml(ARM).placed.q
+    upper = math.pi / 4 + math.acos((1 + reach**2 - 0.25) / (2 * reach))
+    assert q[2] == pytest.approx(upper, abs=1e-12)
+    assert q[5] - q[2] == pytest.approx(-math.acos((reach**2 - 1.25) / 1.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_rough_place_of_a_pin_tells_on_which_side_a_four_bar_begins(side: float) -> None:
+    placed = from_toml(FOUR_BAR).replace("start", {"place_m": {"B": [0.3, side * 0.2]}}).placed
+    x, y = (placed.q[6 + k] + 0.11 * of(placed.q[8]) for k, of in enumerate((math.cos, math.sin)))
+    assert (x - 0.28) ** 2 + y**2 == pytest.approx(0.04, rel=1e-12), "B is on the rocker"
+    assert math.hypot(x - 0.3, y - side * 0.2) < 0.02
+    assert placed.moved is not None
+    assert "B moved by 0.0127 m" in placed.moved
+
+
 # Tables in files
 
 BED = [("speed_rad_s = { crank = 12.0 }\n", ""), ('hold = ["crank"]\n', 'hold = ["bed"]\n')]
