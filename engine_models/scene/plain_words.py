@@ -29,7 +29,7 @@ WORDS = {
     r"a valid integer.*": "an integer",
     r"a valid (\w+).*": r"a \1",
     r"Field required": "a value",
-    r"None$": "nothing",
+    r"None$|Unexpected .*": "nothing",
     r"(at (least|most) \d+ items?) after.*": r"\1",
 }
 #: Longest piece of the input that a message repeats, and most reasons that it gives.
@@ -74,14 +74,14 @@ def unknown(field: str, came: object, choices: Iterable[str], expected: str = ""
     ``expected`` are words for the choices, ``got`` for what came, where these are not to stand as they are.
     """
     known = {choice.lower(): choice for choice in choices}
-    near = get_close_matches(typed(came).lower(), list(known), n=1)
+    near = get_close_matches(str(came).lower(), known, n=1)
     meant = f"did you mean {known[near[0]]}? " if near else ""
     return f"{field}: {meant}expected {expected or one_of([*known.values()])}, got {got or shown(came)}"
 
 
 def unknown_key(key: object, known: Iterable[str]) -> str:
     """Return the refusal of a key that is none of a part's."""
-    return unknown(shortened(typed(key)) or '""', key, known, f"the key {one_of([*known])}", "an unknown key")
+    return unknown(shortened(str(key)) or '""', key, known, f"the key {one_of([*known])}", "an unknown key")
 
 
 def shown(value: object) -> str:
@@ -92,15 +92,7 @@ def shown(value: object) -> str:
         return "a list"
     if isinstance(value, str | bool):
         return shortened(json.dumps(value, ensure_ascii=False))
-    return "nothing" if value is None else shortened(typed(value))
-
-
-def typed(value: object) -> str:
-    """Return a value as it would be typed on a command line."""
-    try:
-        return str(value)
-    except ValueError:  # an integer of thousands of digits
-        return "a huge integer"
+    return "nothing" if value is None else shortened(str(value))
 
 
 def shortened(text: str, longest: int = LONGEST) -> str:
@@ -132,7 +124,7 @@ def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
     kind, context, path, of_key = error["type"], error.get("ctx", {}), list[str](), "[key]" in error["loc"]
     steps = [step for step in error["loc"] if step != "[key]"] or [""]
     for step in steps:
-        name = shortened(typed(step)) or '""'
+        name = shortened(str(step)) or '""'
         try:
             data = data[step]
             path.append(name)
@@ -141,7 +133,7 @@ def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
     if kind == "value_error":
         reasons = getattr(context["error"], "reasons", [str(context["error"])])
         return [".".join([*path, reason]) for reason in reasons]
-    if kind == "extra_forbidden":
+    if known and kind in ("extra_forbidden", "unexpected_keyword_argument"):
         return [unknown_key(steps[-1], known)]
     choices = re.findall(r"'([^']*)'", context.get("expected", ""))
     expected = one_of(list(map(shown, choices))) or error["msg"]

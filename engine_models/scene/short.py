@@ -9,7 +9,7 @@ joint (O for the crank, A for the rod). A pendulum is a crank alone, hanging fro
 
 import math
 import re
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -69,9 +69,9 @@ class Start(SceneData):
 class CrankGas(form.Gas):
     """A force by the crank's angle: see ``[load.NAME.gas]``."""
 
-    COLUMNS = ("crank_angle_rad", "force_N")
+    COLUMNS: ClassVar = {None: ("crank_angle_rad", "force_N")}
 
-    crank_angle_rad: form.Angles
+    crank_angle_rad: form.Angles = ()
     angle_rad: None = None  # type: ignore[assignment]
     body: None = None
 
