@@ -130,7 +130,7 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
     try:
         engine: Engine = TypeAdapter(kind).validate_strings({key: str(it) for key, it in settings.items()})
     except ValidationError as error:
-        raise BadInput(refusal(error, settings, fields(kind))) from None
+        raise BadInput(refusal(error, fields(kind))) from None
     if not to_tolerance or "method" in settings:
         return engine
     return engine.controlling_error(**{key: vars(engine)[key] for key in settings if key == "step_tolerance"})

@@ -90,7 +90,7 @@ def make_engine(name: str, **settings: object) -> Engine:
     try:
         engine: Engine = kind(**settings)
     except ValidationError as error:
-        raise ValueError(refusal(error, settings, fields(kind))) from None
+        raise ValueError(refusal(error, fields(kind))) from None
     return engine
 
 

@@ -58,7 +58,7 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
         try:
             valid = model().model_validate(given)
         except ValidationError as error:
-            raise BadInput(refusal(error, given)) from None
+            raise BadInput(refusal(error)) from None
         bound.arguments.update((name, getattr(valid, name)) for name in given)
         return function(*bound.args, **bound.kwargs)
 

@@ -122,7 +122,7 @@ class SceneData(BaseModel):
         try:
             return cls.model_validate(data, context={"folder": folder, **context})
         except ValidationError as error:
-            raise SceneError(*refusals(error, data)) from None
+            raise SceneError(*refusals(error)) from None
 
     def as_written(self) -> dict[str, Any]:
         """Return the fields that were given as a file has them, those of parts in mappings."""
@@ -335,8 +335,6 @@ class Gas(Table):
         angle, force, last, end = table.x, table.y, len(table.x) - 1, table.x[0] + table.period
         turns = f"one revolution or two after the first, {angle[0] + TURN:.6g} or {angle[0] + 2 * TURN:.6g}"
         require(abs(angle[-1] - end) <= REVOLUTION_RAD, f"{name}.{last}", turns, angle[-1])
-        within = f"a number < {end:.6g}, where the table repeats"
-        require(angle[-2] < end, f"{name}.{last - 1}", within, angle[-2])
         closes = abs(force[-1] - force[0]) <= CLOSES * max(map(abs, force))
         require(closes, f"force_N.{last}", f"the first one again, {force[0]:g}", force[-1])
         self.require(self.end_slopes is None, "end_slopes", "nothing in a table that repeats")
@@ -422,15 +420,10 @@ class Drive(Table):
     time_s: Numbers | None = None
     angle_rad: Angles | None = None
     position_m: Numbers | None = None
-    torque_N_m: float | Numbers | None = None
+    torque_N_m: Annotated[float | Numbers, expect("a finite number or a list of them")] | None = None
     stall_torque_N_m: float | None = None
     no_load_speed_rad_s: float | None = None
     speed_rad_s: Numbers | None = None
-
-    @property
-    def course(self) -> data.Table:
-        """The angle in rad, or the position in m, over the drive's clock in s."""
-        return self.table("time_s", "position_m" if self.guide else "angle_rad")
 
     @model_validator(mode="after")
     def _fits_its_kind(self) -> "Drive":
@@ -442,17 +435,20 @@ class Drive(Table):
         of_body = table if by_speed else NEEDED.get(kind, ())
         of_guide = [name.replace("rad_s", "m_s").replace("angle_rad", "position_m") for name in of_body]
         needed = of_guide if along else of_body
-        may = {*needed, *MAY_HAVE.get(kind, ()), *(("interpolation", "end_slopes") if table else ())}
-        fields = type(self).model_fields
-        given = {name for name in fields if getattr(self, name) != fields[name].default}
+        may = {"kind", "body", "guide", *needed, *MAY_HAVE.get(kind, ())}
+        may |= {"interpolation", "end_slopes"} if table else set()
         when = f"with kind = '{kind}'{' along a guide' if along else ' by a table' if by_speed else ''}"
-        wrong = [name for name in fields if name in given - may - {"kind", "body", "guide"}]
-        reasons = [f"{name}: expected nothing {when}, got {shown(getattr(self, name))}" for name in wrong]
-        reasons += [f"{name}: expected a value {when}, got nothing" for name in needed if name not in given]
-        if reasons:
-            raise SceneError(*reasons)
+        reasons, missing = list[str](), list[str]()
+        for name, field in type(self).model_fields.items():
+            came, given = getattr(self, name), getattr(self, name) != field.default
+            if given and name not in may:
+                reasons.append(f"{name}: expected nothing {when}, got {shown(came)}")
+            if not given and name in needed:
+                missing.append(f"{name}: expected a value {when}, got nothing")
+        if reasons + missing:
+            raise SceneError(*reasons, *missing)
         if kind == "table" and self.interpolation == "linear":
-            speeds = np.diff(self.course.y) / np.diff(self.course.x)
+            speeds = np.diff(getattr(self, table[2 if along else 1])) / np.diff(self.time_s or ())
             even = bool(np.ptp(speeds) <= SAME_SPEED * abs(speeds).max())
             self.require(even, "interpolation", "'spline' (else the speed would jump, by an infinite force)")
         if (stall := self.stall_torque_N_m) is not None:
