@@ -9,10 +9,10 @@ from types import MappingProxyType
 from engine_models.scene.format import SceneError as SceneError
 from engine_models.scene.plain_words import shortened
 from engine_models.scene.scene import Scene, with_fields
-from engine_models.scene.tables import BadFile, read_text
+from engine_models.scene.tables import read_text
 
 if sys.version_info >= (3, 11):
-    import tomllib
+    import tomllib as tomllib  # noqa: PLC0414
 else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 
@@ -40,14 +40,12 @@ def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene
 def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
     """Return the scene in a TOML file, whose tables are beside it, with changes that an option asked for.
 
-    Raises SceneError where it is none: what is wrong in the file is told with the line, what is with a change
-    with the option.
+    Raises BadFile where there is no text, SceneError where that is no scene: what is wrong in the file is
+    told with the line, what is with a change with the option.
     """
+    text = read_text(path)
     try:
-        text = read_text(path)
         return from_toml(text, path.parent, changes)
-    except BadFile as reason:
-        raise SceneError(str(reason)) from None
     except SceneError as error:
         reasons, file, lines = [], f"{path}: ", lines_of(text)
         for why in error.reasons:

@@ -12,14 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
 from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown, unknown_key
 from engine_models.scene.tables import BadFile, read_columns
@@ -238,10 +231,7 @@ class Spring(SceneData):
 
 
 class Friction(SceneData):
-    """Friction in a joint with clearance, which rises over ``regularisation_speed_m_s`` from rest.
-
-    The dead band belongs to Ambrosio's law alone.
-    """
+    """Friction in a joint with clearance, which rises over ``regularisation_speed_m_s`` from rest."""
 
     law: FrictionLaw
     coefficient: NonNegative
@@ -258,12 +248,10 @@ class Friction(SceneData):
 
 
 class Clearance(SceneData):
-    """A revolute joint whose pin has room in its bearing.
+    """A revolute joint whose pin has room in its bearing, on the body named first but for ``bearing``.
 
     ``stiffness`` is in N/m^exponent; without it, Hertz's value follows from the material that pin and bearing
-    share. ``exponent`` defaults to 1 for the linear and Kelvin-Voigt laws, else to 3/2. A law of the
-    dissipative family may pull on a pin that leaves fast: the force is zero there unless ``may_pull``. The
-    ``bearing`` is on the ground, else on the body named first, unless its body is named.
+    share. A law of the dissipative family may pull on a pin that leaves fast only if it ``may_pull``.
     """
 
     radial_clearance_m: Positive
@@ -312,10 +300,7 @@ class Clearance(SceneData):
 
 
 class Gas(Table):
-    """A force by an angle, as a periodic spline or straight lines, over one revolution or two.
-
-    The angle is of a ``body``, that which is driven unless it is named. The last entry is the first again.
-    """
+    """A force by the angle of a ``body``, the driven one unless it is named, over one revolution or two."""
 
     COLUMNS = {None: ("angle_rad", "force_N")}
 
@@ -352,14 +337,11 @@ class ByTime(Table):
 
 
 class Load(SceneData):
-    """Forces and torques on a body: any of them, together.
+    """Forces along a line and torques on a body: any of them, together (see ``data.Load``).
 
-    By the way s along a line and its rate s': ``force_N`` is constant; ``viscous_N_s_m`` -c s', friction of a
-    guide; ``spring_N_m`` -k (s - ``free_position_m``). On a body in a guide they act at the guide's pin along
-    it, and push back on what it is on; ``guide`` names one where the body has two. On another body they act
-    on the centre of mass, or at a ``pin`` of the body, along ``along_rad`` from the x axis of the global
-    frame. By the angle phi of the body: ``torque_N_m`` is constant, ``viscous_N_m_s`` -c phi'. ``gas`` goes
-    by the angle of a body, ``by_time`` by the drive's clock.
+    On a body in a guide they act at the guide's pin along it, and push back on what it is on; ``guide`` names
+    one where the body has two. On another body they act on the centre of mass, or at a ``pin`` of the body,
+    along ``along_rad`` from the x axis of the global frame.
     """
 
     force_N: float | None = None
@@ -382,10 +364,7 @@ class Load(SceneData):
         return any(part is not None for part in parts)
 
     @model_validator(mode="after")
-    def _is_some(self) -> "Load":
-        torques = (self.by_time, self.torque_N_m, self.viscous_N_m_s)
-        some = self.has_forces or any(part is not None for part in torques)
-        self.require(some, "force_N", "it or another force or torque")
+    def _has_a_whole_spring(self) -> "Load":
         sprung = self.spring_N_m is not None
         self.require_if(sprung, "free_position_m", f"{'beside' if sprung else 'without'} spring_N_m")
         return self
@@ -473,11 +452,10 @@ class BodyState(SceneData):
 
 
 class PlacedStart(SceneData):
-    """Where the motion begins, and how fast.
+    """Where the motion begins, and how fast: what is told, or by its name the state of every body.
 
-    Values told are rough, unless their bodies or guides are named in ``hold``: the mechanism is put together
-    as near to them as its joints allow. Without ``hold`` what is driven is held, else the first body or guide
-    told. Or the state of every body is given by its name. ``time_s`` is what the drive's clock reads then.
+    Values told are rough, unless their bodies, guides or pins are named in ``hold``: the mechanism is put
+    together as near to them as its joints allow. ``time_s`` is what the drive's clock reads then.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -500,8 +478,7 @@ class PlacedStart(SceneData):
 class Top(SceneData):
     """The top of a file, in both spellings. Gravity is a number along -y, or a pair along x and y.
 
-    Names begin cells of CSV files, and spreadsheets run what begins as a formula does. Within less than
-    1e-100 s nothing happens, and steps are lost below the least numbers there are.
+    Names begin cells of CSV files, and spreadsheets run what begins as a formula does.
     """
 
     name: Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect(PRINTED)]

@@ -20,14 +20,7 @@ from engine_models.scene.format import Named, Place, SceneError, require, requir
 from engine_models.scene.plain_words import expect, one_of, shown
 from engine_models.scene.short import OF_GENERAL, CrankSlider, assembled, in_short
 from reference_solver.mechanism import data
-from reference_solver.mechanism.assembly import (
-    Joints,
-    NotAssembled,
-    Quantity,
-    Told,
-    assemble,
-    require_closed,
-)
+from reference_solver.mechanism.assembly import Joints, Quantity, Told, assemble, require_closed
 from reference_solver.mechanism.data import GROUND, Course, Motion, Point
 from reference_solver.mechanism.loads import distance_m
 from reference_solver.mechanism.motions import curve_of, going_on, moved
@@ -134,10 +127,6 @@ class Scene(form.Top):
     def to_toml(self) -> str:
         """Return the scene as a TOML file that reads back to an equal scene."""
         return tomli_w.dumps(self.as_written())
-
-    def path(self, general: str) -> str:
-        """Return the path of a field in the scene's own spelling."""
-        return in_short(general) if self._short else general
 
     @property
     def is_short(self) -> bool:
@@ -313,9 +302,6 @@ def _check_parts(scene: Scene) -> None:
         require((load.along_rad is not None) == alone, f"{path}.along_rad", told, load.along_rad)
         driven = load.gas is None or load.gas.body or scene.drive.body
         require(driven is not None, f"{path}.gas.body", "a body, or drive.body", None)
-    for place, name in enumerate(start.hold):
-        one = (name in scene.body) + (name in scene.guide) + (name in start.place_m) == 1
-        require(one, f"start.hold.{place}", "a name that is of a body, of a guide or of a pin", name)
     for key in ("angle_rad", "position_m", "place_m", "hold") if start.states else ():
         came = getattr(start, key)
         require(not came, f"start.{key}", "nothing beside the state of every body", came)
@@ -433,42 +419,22 @@ def state_of(scene: Scene) -> tuple[FloatArray, FloatArray]:
 def _placed(scene: Scene, short: CrankSlider | None) -> Placed:
     """Return the start of a scene whose parts fit each other; raise ValueError if there is none."""
     of, words, told = scene.mechanism, None, _told(scene)
-    try:
-        if scene.start.states:
-            q, v = state_of(scene)
-            require_closed(of, q, v)
-        elif short is not None and short.guide == (0.0, 0.0) and told.speeds.keys() <= {0}:
-            q, v = assembled(short, short.start.crank_angle_rad, told.speeds.get(0, 0.0))
-        else:
-            start, what = assemble(of, told), "guide" if scene.drive.guide else "body"
-            moves = scene.drive.kind == "free" or start.drive_moves
-            require(moves, f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
-            moved = {
-                f"{name} turned by {abs(x):.3g} rad": x
-                for name, x in zip(scene.body, start.turned_rad, strict=True)
-            }
-            moved |= {f"{name} moved by {x:.3g} m": x for name, x in start.moved_m.items()}
-            words = ", ".join(what for what, x in moved.items() if abs(x) > ROUND_OFF) or "nothing moved"
-            q, v = start.q, start.v
-    except NotAssembled as reason:
-        raise ValueError(_refused(scene, str(reason))) from None
+    if scene.start.states:
+        q, v = state_of(scene)
+        require_closed(of, q, v)
+    elif short is not None and short.guide == (0.0, 0.0) and told.speeds.keys() <= {0}:
+        q, v = assembled(short, short.start.crank_angle_rad, told.speeds.get(0, 0.0))
+    else:
+        start, what = assemble(of, told), "guide" if scene.drive.guide else "body"
+        moves = scene.drive.kind == "free" or start.drive_moves
+        require(moves, f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
+        q, v, words = start.q, start.v, start.moved
     for spring in of.springs:
         has_length = spring.free_length_m > 0 or spring.damping_N_s_m > 0
         apart = not has_length or distance_m(spring, q.reshape(1, -1))[0] > ROUND_OFF * spring.free_length_m
         expected = "ends that are apart at the start (else its force has no direction)"
         require(bool(apart), f"spring.{spring.name}.between", expected, "both at one place")
     return Placed(tuple(q.ravel().tolist()), tuple(v.ravel().tolist()), words)
-
-
-def _refused(scene: Scene, reason: str) -> str:
-    """Return why there is no such start, with the entry that tells what does not hold."""
-    start, expected = scene.start, reason.partition(", got")[0]
-    if "speeds" not in expected or start.states:
-        return f"start.hold: {reason}" if "held" in expected and start.hold else f"start: {reason}"
-    key = "speed_m_s" if start.speed_m_s and not start.speed_rad_s else "speed_rad_s"
-    driven = scene.mechanism.drive.prescribes and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
-    also = f" (that of {scene.driven}, by the drive, among them)" if driven else ""
-    return f"start.{key}: {reason}{also}"
 
 
 def _told(scene: Scene) -> Told:
