@@ -12,7 +12,7 @@ from engine_models.scene.scene import Scene, with_fields
 from engine_models.scene.tables import read_text
 
 if sys.version_info >= (3, 11):
-    import tomllib as tomllib  # noqa: PLC0414
+    import tomllib
 else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 
@@ -24,17 +24,18 @@ NAME = r"(?:[\w-]+|\"[^\"\n]*\"|'[^'\n]*')"
 LINE = re.compile(rf"\s*(\[?)\s*({NAME}(?:\s*\.\s*{NAME})*)\s*[]=]")
 
 
-def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
-    """Return the scene that a TOML text describes with some changes; raise SceneError if it is none.
-
-    Files of tables are in a folder.
-    """
+def entries(text: str) -> dict[str, Any]:
+    """Return what a TOML text says; raise SceneError if it is none."""
     try:
-        data = tomllib.loads(text)
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # also an integer too long for Python to read
         reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
-    return Scene.checked(with_fields(data, changes), folder)
+
+
+def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
+    """Return the scene that a TOML text describes with some changes, with tables in a folder."""
+    return Scene.checked(with_fields(entries(text), changes), folder)
 
 
 def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
@@ -62,7 +63,7 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
 
 def sources(path: Path, changes: Fields = NONE) -> list[Path]:
     """Return the files that a scene was loaded from: its own and those of its tables."""
-    files, sections = [path], [with_fields(tomllib.loads(read_text(path)), changes)]
+    files, sections = [path], [with_fields(entries(read_text(path)), changes)]
     for section in sections:
         sections += [part for part in section.values() if isinstance(part, dict)]
         files += [path.parent / str(section["file"])] if "file" in section else []

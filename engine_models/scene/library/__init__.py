@@ -9,7 +9,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from engine_models.scene.file import tomllib
+from engine_models.scene.file import entries
 from engine_models.scene.format import Clearance, Friction
 from engine_models.scene.scene import Scene
 
@@ -32,7 +32,7 @@ def _entries(name: str) -> dict[str, Any]:
             kept = {key: value for key, value in room.items() if key not in STEEL}
             own["clearance"][joint] = kept | {"law": "rigid"}
         return {**own, "name": name}
-    own = tomllib.loads(TEXTS[name])
+    own = entries(TEXTS[name])
     return {**(_entries(own.pop("base")) if "base" in own else {}), "name": name, **own}
 
 
