@@ -5,6 +5,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from engine_models.scene.format import SceneError as SceneError
 from engine_models.scene.plain_words import shortened
@@ -27,10 +28,11 @@ LINE = re.compile(rf"\s*(\[?)\s*({NAME}(?:\s*\.\s*{NAME})*)\s*[]=]")
 def entries(text: str) -> dict[str, Any]:
     """Return what a TOML text says; raise SceneError if it is none."""
     try:
-        return tomllib.loads(text)
+        data: dict[str, Any] = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # also an integer too long for Python to read
         reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
+    return data
 
 
 def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
@@ -59,15 +61,6 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
                 reasons.append(f"{file}line {line}: {why}" if line else f"{file}{why}")
                 file = ""
         raise SceneError(*reasons) from None
-
-
-def sources(path: Path, changes: Fields = NONE) -> list[Path]:
-    """Return the files that a scene was loaded from: its own and those of its tables."""
-    files, sections = [path], [with_fields(entries(read_text(path)), changes)]
-    for section in sections:
-        sections += [part for part in section.values() if isinstance(part, dict)]
-        files += [path.parent / str(section["file"])] if "file" in section else []
-    return files
 
 
 def line_of(lines: Mapping[str, int], field: str) -> int | None:

@@ -7,8 +7,7 @@ from random import Random
 import pytest
 
 from reports.results import published_rows, read_study
-from studies.case import Case, Row, load_study, run_case
-from studies.registry import STUDIES
+from studies.case import STUDIES, Case, Row, load_study, run_case
 
 RESULTS = Path(__file__).parents[2] / "reports/published/results"
 #: Rows drawn of each study; the commit that they were made from is the seed.

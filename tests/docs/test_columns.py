@@ -8,8 +8,8 @@ import crankslider as cs
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from reports.results import published_rows
+from studies.case import STUDIES
 from studies.judges.columns import impact_columns, sample_columns
-from studies.registry import STUDIES
 from tests.docs.pages import ROOT, table
 from tests.scenes import scene
 
