@@ -57,31 +57,22 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
             if any(f"{field}.".startswith(f"{it}.") or it.startswith(beside) for it in changes):
                 reasons.append(f"{option} {why}")
             else:  # neither changed, nor missing beside or above a change
-                line = line_of(lines, field)
+                while field and field not in lines:  # missing: where it would stand
+                    field = field.rpartition(".")[0]
+                line = lines.get(field)
                 reasons.append(f"{file}line {line}: {why}" if line else f"{file}{why}")
                 file = ""
         raise SceneError(*reasons) from None
 
 
-def line_of(lines: Mapping[str, int], field: str) -> int | None:
-    """Return the number of the line, from 1, of a field such as ``rod.mass_kg``, or of its first part.
-
-    Of one that is not there it is the line of what it would stand in, None if there is no such thing either.
-    """
-    while field:
-        within = (number for path, number in lines.items() if f"{path}.".startswith(f"{field}."))
-        if number := lines.get(field) or next(within, None):
-            return number
-        field = field.rpartition(".")[0]
-    return None
-
-
 def lines_of(text: str) -> dict[str, int]:
-    """Return the numbers of the lines, from 1, of the heads of sections and of the fields in a text."""
+    """Return the numbers of the lines, from 1, on which sections and fields of a text are first, by paths."""
     lines, section = dict[str, int](), ""
     for number, line in enumerate(text.splitlines(), 1):
         if typed := LINE.match(line):
             path = re.sub(r"[\"']|\s*(\.)\s*", r"\1", typed[2])  # without quotes, and blanks around dots
             section = path if typed[1] else section
-            lines.setdefault(path if typed[1] else f"{section}.{path}".removeprefix("."), number)
+            names = (path if typed[1] else f"{section}.{path}".removeprefix(".")).split(".")
+            for count in range(len(names)):
+                lines.setdefault(".".join(names[: count + 1]), number)
     return lines

@@ -29,8 +29,6 @@ TURN = 2 * math.pi
 REVOLUTION_RAD, CLOSES = 1e-4, 1e-9
 #: Speeds of straight lines that differ by less than this part of the fastest are one, but for typed digits.
 SAME_SPEED = 1e-6
-#: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
-FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
 #: What each kind of drive needs, of a body, and what it may have.
 NEEDED: dict[str, tuple[str, ...]] = {
     "ramp": ("final_speed_rad_s", "ramp_time_s"),
@@ -78,7 +76,7 @@ NonNegative = Annotated[float, Field(ge=0)]
 #: Beyond 1e6 an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
 Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
 #: What a drive's clock may read at the start: later, its own spacing is more than 1e-12 s.
-Clock = Annotated[float, Field(ge=0, le=1e4)]
+Clock = Annotated[NonNegative, Field(le=1e4)]
 #: Columns of a table; a list in a file.
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
@@ -168,7 +166,7 @@ class Table(SceneData):
             return self
         self.require(x is not None, x_name, f"a value beside a list {one_of(names)}")
         self.require(columns != [], names[0], f"a list of {one_of(names)}")
-        fewest = FEWEST_POINTS[self.interpolation]
+        fewest = 4 if self.interpolation == "spline" else 2
         require(len(x) >= fewest, x_name, f"at least {fewest} numbers", len(x))
         for name in columns:
             count = len(getattr(self, name))

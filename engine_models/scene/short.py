@@ -19,7 +19,7 @@ from engine_models.scene.format import Angle, BodyState, Named, Positive, SceneD
 from reference_solver.tape import FloatArray
 
 #: Entries that the general spelling alone has, by which a file without a crank is of that spelling.
-OF_GENERAL = ("body", "ground", "guide", "observe")
+OF_GENERAL = {"body", "ground", "guide", "observe"}
 
 
 class Link(SceneData):
