@@ -183,10 +183,6 @@ class Scene(form.Top):
         point = (0.0, 0.0) if axis == "angle" else self.point(last, name)
         return Observed(self.observe, axis, self.number(last), point)
 
-    def guides_of(self, body: str) -> list[str]:
-        """Return the names of the guides that a body is in."""
-        return [name for name, guide in self.guide.items() if guide.body == body]
-
     @property
     def driven(self) -> str:
         """The name of the driven body, or guide."""
@@ -244,7 +240,7 @@ def _names(scene: Scene) -> Iterator[tuple[str, str | None, Iterable[str], str]]
         yield f"clearance.{pin}", pin, joints, "a pin of two bodies, of two at one place where three meet"
         yield f"clearance.{pin}.bearing", room.bearing, pins[pin], f"what has pin {pin}"
     for name, load in scene.load.items():
-        own = scene.guides_of(name)
+        own = [it for it, guide in scene.guide.items() if guide.body == name]
         yield f"load.{name}", name, bodies, "a body"
         yield f"load.{name}.guide", load.guide, own, f"a guide of {name}"
         free = scene.body[name].pins_m if load.has_forces and not own else ()
@@ -285,7 +281,7 @@ def _check_parts(scene: Scene) -> None:
         c, expected = room.radial_clearance_m, f"a number < {longest:g}, the longest distance on a body"
         require(c < longest or not longest, f"clearance.{name}.radial_clearance_m", expected, c)
     for name, load in scene.load.items():
-        path, guides = f"load.{name}", scene.guides_of(name)
+        path, guides = f"load.{name}", [it for it, guide in scene.guide.items() if guide.body == name]
         one = load.guide is not None or len(guides) < 2 or not load.has_forces
         require(one, f"{path}.guide", one_of(guides), None)
         alone, told = load.has_forces and not guides, "a number for a force without a guide, and only there"
