@@ -49,11 +49,7 @@ def judged(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
         UnsupportedScene, SimulationFailed: as the engine does, or there is no truth.
     """
     own = engine.twin(scene)
-    return (
-        _with_clearance(engine, scene, own, asked)
-        if own.joints_with_clearance
-        else _ideal(engine, own, asked)
-    )
+    return _with_clearance(engine, scene, own, asked) if own.clearances else _ideal(engine, own, asked)
 
 
 def _with_clearance(engine: Engine, scene: Scene, own: Scene, asked: RunSettings) -> Judged:

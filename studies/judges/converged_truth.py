@@ -111,7 +111,7 @@ def solved(scene: Scene, samples: int) -> Solved:
     Raises:
         UnsupportedScene, SimulationFailed: the truth and the reference refuse, or have no good solution.
     """
-    if not scene.joints_with_clearance:
+    if not scene.clearances:
         return _on_equal(scene, samples)
     if _at_least(samples) > samples:
         return solved(scene, _at_least(samples))
@@ -223,7 +223,7 @@ def followed(scene: Scene, samples: int) -> int:
     """
     truth, repeats = converged(scene, samples)
     whole, sides = RunSettings(scene.end_time_s, samples), list[Scene]()
-    if scene.joints_with_clearance:
+    if scene.clearances:
         with suppress(ValueError):
             sides = [moved(scene, side * PERTURBATION_RAD) for side in (-1, 1)]
     repeats = (*repeats, *(kept_run(SHARP, side, whole) for side in sides))
