@@ -40,6 +40,7 @@ import numba
 import numpy as np
 
 from reference_solver.equations import Answer, Equations
+from reference_solver.kept_files import alone
 from reference_solver.machine_code import ARRAY, call, compiled
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT, FRICTION_LAWS, separation
 from reference_solver.mechanism.points import State
@@ -306,10 +307,7 @@ def press(event):
 
 @inner
 def collide(event):
-    """Change velocities by the impact of those that take part, as far as ``wanted`` by their restitution.
-
-    Then find which pins, leaving their walls, would be back too soon.
-    """
+    """Change velocities by an impact, and find which pins, leaving their walls, would be back too soon."""
     rubs, run = False, event.run
     for i in range(len(event.b)):
         event.b[i] = event.u[i]
@@ -336,10 +334,7 @@ def collide(event):
 
 @inner
 def hit(event):
-    """Have those that take part hit at once, and those with ``hits`` rebound.
-
-    Impulses are entered in the log and in the ledger.
-    """
+    """Have those that take part hit at once, and those with ``hits`` rebound; log and ledger get that."""
     run, rows, again, thrown = event.run, event.rows, False, False
     sums = rows[OLD, 2 * run.n :]
     work = sums[0]
@@ -384,14 +379,8 @@ def hit(event):
         look(event)
 
 
-# ------------------------------------------------------------------------------------------ events
-
-
 def resolve(state, contacts, t, at, count):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    """Let the pins that touch rigid walls hit, follow or leave; the run tells whose event it is.
-
-    Return 0 where the same ones follow as before, 1 where others do, or the run has a fault.
-    """
+    """Let pins that touch hit, follow or leave; return 1 where others follow now or none can, else 0."""
     run, contacts = numba.carray(state, 1)[0], numba.carray(contacts, count)
     rows, n, S = numba.carray(at, (SLOPES, run.width // 8)), run.n, run.wall_rows
     speeds = rows[SPARE, PER_JOINT * run.rigid_joints :]
@@ -447,4 +436,5 @@ def resolver() -> Any:
     """Return ``resolve``, compiled."""
     run, contact = (numba.types.CPointer(numba.from_dtype(of)) for of in (RUN_RECORD, CONTACT_RECORD))
     kind = numba.float64(run, contact, numba.float64, ARRAY, numba.int64)
-    return compiled(by=partial(numba.cfunc, kind), error_model="numpy")(resolve)
+    with alone("resolve"):
+        return compiled(by=partial(numba.cfunc, kind), error_model="numpy")(resolve)
