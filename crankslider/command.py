@@ -13,7 +13,7 @@ import signal
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version as installed
@@ -140,12 +140,11 @@ def print_version(wanted: bool) -> None:
         raise Exit
 
 
-VERSION = Annotated[
-    bool, Option("--version", help="Print the version.", callback=print_version, is_eager=True)
-]
-
-
-def about(version: VERSION = False) -> None:
+def about(
+    version: Annotated[
+        bool, Option("--version", help="Print the version.", callback=print_version, is_eager=True)
+    ] = False,
+) -> None:
     """Handle the options before a command."""
 
 
@@ -153,7 +152,7 @@ def print_rows(rows: Sequence[Sequence[str]]) -> None:
     """Print rows in aligned columns."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
-        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+        print("  ".join(map(str.ljust, row, widths)).rstrip())
 
 
 def scenes(as_json: bool = False) -> None:
@@ -167,7 +166,7 @@ def scenes(as_json: bool = False) -> None:
     rows = [("scene", "drive", "clearance", "end time", "about")]
     for name, make in ALL_SCENES.items():
         scene = make()
-        joints, end = ", ".join(scene.joints_with_clearance) or "none", f"{scene.end_time_s:g} s"
+        joints, end = ", ".join(scene.clearances) or "none", f"{scene.end_time_s:g} s"
         rows.append((name, scene.drive.kind, joints, end, described(make)[0].partition("\n")[0]))
     if as_json:
         print(json.dumps([dict(zip(rows[0], row, strict=True)) for row in rows[1:]], indent=2))
@@ -198,10 +197,10 @@ def engines(name: str | None = None, as_json: bool = False) -> None:
             except UnsupportedScene as reason:
                 refused[scene] = str(reason)
         settings = [(f"  {key}", shown(it["default"]), expectation(it)) for key, it in fields(kind).items()]
-        told = {"about": inspect.getdoc(kind) or "", "settings": settings, "refused": refused}
-        listed.append({"engine": engine, **told})
+        about = inspect.getdoc(kind) or ""
+        listed.append({"engine": engine, "about": about, "settings": settings, "refused": refused})
         if not as_json:
-            print(f"{engine}: {told['about'] if name else described(kind)[0].partition(chr(10))[0]}")
+            print(f"{engine}: {about if name else about.partition(chr(10))[0]}")
             print_rows(settings)
             for why in dict.fromkeys(refused.values()):
                 print(f"  not {', '.join(scene for scene in refused if refused[scene] == why)}: {why}")
@@ -248,10 +247,11 @@ def truth(given: Given) -> None:
 def write(given: Given, solve: str) -> None:
     """Write what was asked for of a run, without files its samples to stdout, and notes."""
     scene = given.to("read_scene")
-    given.to("require_outputs", scene=scene, inputs=given.to("files_of"))
+    files = {name: given[name] for name in ("out", "impacts", "plot", "animate") if name in given}
+    given.to("require_outputs", scene=scene, files=files)
     if "plot_columns" in given:
         given["plot_columns"] = [name for each in given["plot_columns"] for name in each.split(",")]
-    if not given.keys() & {"out", "impacts", "plot", "animate"} and log.isEnabledFor(logging.INFO):
+    if not files and log.isEnabledFor(logging.INFO):
         given["out"] = "-"
     with progress(scene.end_time_s):
         run = given.to(solve, scene=scene, end=None)
@@ -301,9 +301,6 @@ def conform(
     name: str | None = None,
     table: str | None = None,
     table_scene: str | None = None,
-    baselines: str | None = None,
-    accept: bool = False,
-    why: str | None = None,
     as_json: bool = False,
 ) -> None:
     """Run the checks that every engine has to pass; exit code 1 if one fails.
@@ -312,23 +309,15 @@ def conform(
         name: an engine, or your own: my_module:MyEngine.
         table: a CSV table of another solver in place of an engine.
         table_scene: the scene that the table is of.
-        baselines: also compare its numbers with the table in this folder.
-        accept: accept the numbers as they are, with --why.
-        why: the reason why the numbers changed.
         as_json: print JSON.
     """
     from rich.progress import track
 
-    from crankslider.library import verdicts_on, verdicts_on_file
-    from studies.baselines import require_baselines
+    from crankslider.library import verdicts_on, verdicts_on_table
 
     if (name is None) == (table is None) or (table_scene is None) != (table is None):
-        raise BadInput("ENGINE: expected an engine, or --from FILE.csv with --scene SCENE, got another call")
-    if baselines is not None:
-        require_baselines(Path(baselines), accept, why)
-    elif accept:
-        raise BadInput("accept: expected a folder with baselines to write to, got none")
-    checks = verdicts_on(name) if name else verdicts_on_file(str(table), str(table_scene))
+        raise BadInput("NAME: expected an engine, or --from FILE.csv with --scene SCENE, got another call")
+    checks = verdicts_on(name) if name else verdicts_on_table(str(table), str(table_scene))
     verdicts = [*track(checks, name or table or "", None, console=progress_console(), transient=True)]
     if as_json:
         print(json.dumps([each._asdict() for each in verdicts], indent=2))
@@ -341,30 +330,25 @@ def conform(
             print(f"         {each.scene}: {each.measured}")
     if not all(each.holds for each in verdicts):
         raise Failed(f"{name or table} does not pass all checks")
-    if baselines is not None:
-        print_differences([str(name)], Path(baselines), why, as_json)
 
 
-def baseline(accept: bool = False, why: str | None = None, as_json: bool = False) -> None:
+def baseline(
+    name: str | None = None, folder: str = "accuracy", accept: str | None = None, as_json: bool = False
+) -> None:
     """Compare the accuracy of all configurations with baselines; exit code 1 if a number left its band.
 
     Args:
-        accept: accept the numbers as they are, with --why.
-        why: the reason why the numbers changed.
+        name: an engine alone, or your own: my_module:MyEngine.
+        folder: folder of that engine's baselines.
+        accept: accept the numbers as they are, for this reason.
         as_json: print JSON.
     """
-    from engine_models.arms import NAMED as ENGINES
-    from studies.baselines import FOLDER, require_baselines
+    from crankslider.library import join_engines
+    from engine_models.arms import NAMED as ALL
+    from studies.baselines import FOLDER, compare_or_accept
 
-    require_baselines(FOLDER, accept, why)
-    print_differences(ENGINES, FOLDER, why, as_json)
-
-
-def print_differences(engines: Iterable[str], folder: Path, why: str | None, as_json: bool) -> None:
-    """Print the numbers that left their bands, or accept them; raise Failed if there are any."""
-    from studies.baselines import compare_or_accept
-
-    lines = compare_or_accept([*engines], folder, why)
+    join_engines([name] if name else [])
+    lines = compare_or_accept([name] if name else ALL, Path(folder) if name else FOLDER, accept)
     print(json.dumps(lines, indent=2) if as_json else "\n".join(lines))
     if lines:
         raise Failed(f"{len(lines)} numbers left their bands")

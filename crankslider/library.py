@@ -17,25 +17,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from warnings import warn
 
 import numpy as np
-from pydantic import Field, InstanceOf, TypeAdapter, ValidationError
+from pydantic import Field, InstanceOf
 
 from crankslider.run import Comparison, Run, Sweep, picture, require_file, require_outputs, write_file
 from engine_models.engine import MOST_SAMPLES, Engine, RunSettings, SimulationFailed, UnsupportedScene
-from engine_models.engines import engine_class, join
+from engine_models.engines import join, make_engine
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
 from engine_models.scene.file import load as load_scene
-from engine_models.scene.file import sources
 from engine_models.scene.format import NonNegative, Positive
 from engine_models.scene.library import ALL_SCENES
-from engine_models.scene.plain_words import (
-    expect,
-    fields,
-    one_of,
-    refusal,
-    shown,
-    typed,
-    unknown,
-)
+from engine_models.scene.plain_words import expect, one_of, shown, unknown
 from engine_models.scene.scene import Scene
 from studies.failures import BadInput, Failed, progress_console, writing
 
@@ -102,12 +93,6 @@ def read_scene(scene: SomeScene, changes: Named | None = None, end: Seconds | No
     raise BadInput(unknown("scene", name, scenes, f"{one_of([*scenes])}, or a TOML file"))
 
 
-def files_of(scene: str, changes: Named | None = None) -> list[str]:
-    """Return the files that a scene is read from: its own and those of its tables."""
-    values = {field: as_toml(value) for field, value in (changes or {}).items()}
-    return [*map(str, sources(Path(scene), values))] if os.path.isfile(scene) else []
-
-
 def as_toml(value: object) -> object:
     """Return the value that a text has in a TOML file, or the text where it has none there."""
     if not isinstance(value, str):
@@ -124,14 +109,7 @@ def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = 
     For a tolerance, an engine that can control its error does so, unless ``method`` is among the settings. If
     ``step_tolerance`` is among them, it starts with that.
     """
-    try:
-        kind = engine_class(name)
-    except ValueError as reason:
-        raise BadInput(str(reason)) from None
-    try:
-        engine: Engine = TypeAdapter(kind).validate_strings({key: typed(it) for key, it in settings.items()})
-    except ValidationError as error:
-        raise BadInput(refusal(error, settings, fields(kind))) from None
+    engine = make_engine(name, **settings)
     if not to_tolerance or "method" in settings:
         return engine
     return engine.controlling_error(**{key: vars(engine)[key] for key in settings if key == "step_tolerance"})
@@ -189,15 +167,9 @@ def simulate(
             run = simulate_to_tolerance(chosen, physics, tolerance, samples)
         check = steps if tolerance is None and not quick else None
         warnings = tuple(doubts(chosen, physics, run, check))
-    made = Run(physics, engine, chosen, run, warnings, tolerance, start, bool(check or tolerance))
-    return _warned(made)
-
-
-def _warned(run: Run) -> Run:
-    """Return a run whose doubts the caller of the library is warned of."""
-    for doubt in run.warnings:
-        warn(doubt, stacklevel=4)
-    return run
+    for doubt in warnings:
+        warn(doubt, stacklevel=3)
+    return Run(physics, engine, chosen, run, warnings, tolerance, start, bool(check or tolerance))
 
 
 @contextmanager
@@ -236,7 +208,10 @@ def truth(scene: SomeScene, *, end: Seconds | None = None, samples: Samples = 12
 
     physics = read_scene(scene, end=end)
     with refusing("no reference solution was found: "):
-        return _warned(reference_solution(physics, samples))
+        run = reference_solution(physics, samples)
+    for doubt in run.warnings:
+        warn(doubt, stacklevel=3)
+    return run
 
 
 @check_arguments
@@ -262,27 +237,21 @@ def compare(
         signal: signal that is judged, such as slider_position or joint_B_force.
 
     Raises:
-        BadInput: an argument or the scene is refused, it has no reference solution, or no engine can run it.
+        BadInput: an argument or the scene is refused.
         Failed: the reference solution was not found, or no engine finished.
     """
     from reports.results import read_study
     from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, ask, cases
     from studies.runner import run_cases
-    from studies.workers import Ended
 
     join_engines(engines)
     physics = read_scene(scene)
     folder = Path(out or Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", physics.name)))
     with _workers() as pool, writing("out", folder):
         folder.mkdir(parents=True, exist_ok=True)
-        try:
-            with progress_console().status(f"reference solution of {physics.name}"):
-                question = pool.run(ask, physics, error, signal, limit_s=TRUTH_LIMIT_S)
-        except UnsupportedScene as reason:
-            expected = "a scene that has a reference solution"
-            raise BadInput(f"scene: expected {expected}, got {physics.name}: {reason}") from None
-        except (SimulationFailed, Ended) as reason:
-            raise Failed(f"the reference solution of {physics.name} was not found: {reason}") from None
+        told = f"reference solution of {physics.name}"
+        with progress_console().status(told), refusing(f"no {told} was found: "):
+            question = pool.run(ask, physics, error, signal, limit_s=TRUTH_LIMIT_S)
         wanted = {case.key: case for case in cases(physics, question, engines)}
         run_cases({NAME: [*wanted.values()]}, folder, pool)
         results = read_study(folder, NAME)
@@ -291,25 +260,20 @@ def compare(
         compared = Comparison(physics, results, given or str(getattr(scene, "name", scene)), folder)
         recorded, chosen = compared.standings.recorded, compared.standings.chosen
         if not (recorded["status"] == "ok").any():
-            reasons = " ".join(compared.standings.not_run)
-            if (recorded["status"] == "unsupported").all():
-                raise BadInput(f"engine: expected one that can run this scene, got: {reasons}")
-            raise Failed(f"no engine finished a run of this scene: {reasons}")
+            raise Failed(f"no engine finished a run: {' '.join(compared.standings.not_run)}")
         if chosen is not None:
             case = wanted[str(recorded["case"][chosen.Index])]
             settings = RunSettings(case.run.step_used_s(physics.end_time_s), SHOWN_SAMPLES)
-            recommended = engine_class(case.engine)(**case.settings)
-            with suppress(UnsupportedScene, SimulationFailed, Ended):
-                call = type(recommended).simulate, recommended, physics, settings
-                run = Run(physics, case.engine, recommended, pool.run(*call, limit_s=LIMIT_S))
-                compared = replace(compared, run=run)
+            recommended = make_engine(case.engine, **case.settings)
+            with suppress(UnsupportedScene, SimulationFailed):
+                made = pool.run(recommended.simulate, physics, settings, limit_s=LIMIT_S)
+                compared = replace(compared, run=Run(physics, case.engine, recommended, made))
         return compared
 
 
 def join_engines(engines: Sequence[str]) -> None:
     """Add engines to the studies, also those of the user; raise BadInput if one is unknown."""
     for name in engines:
-        read_engine(name, {})
         join(name)
 
 
@@ -367,7 +331,7 @@ def sweep(
     physics, chosen = read_scene(scene), read_engine(engine, settings or {})
     place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
     require_file("out", place, (".parquet", ".csv"))
-    require_outputs(physics, plot=plot)
+    require_outputs(physics, {} if plot is None else {"plot": plot})
     if plot is None and show is not None:
         raise BadInput(f"show: expected nothing without plot, got {show}")
     values = draw_values(physics, vary or {}, sample, members, jitter, seed)
@@ -418,8 +382,7 @@ def run_studies(
         scheduler: address of a Dask scheduler; timed cases run here.
         retry_failed: run cases again that neither finished nor were refused.
     """
-    from studies.case import load_study
-    from studies.registry import STUDIES
+    from studies.case import STUDIES, load_study
     from studies.runner import run_cases
 
     for name in studies:
@@ -441,7 +404,7 @@ def verdicts_on(engine: str) -> "Iterator[Verdict]":
     return verdicts(read_engine(engine, {}))
 
 
-def verdicts_on_file(table: str, scene: str) -> "Iterator[Verdict]":
+def verdicts_on_table(table: str, scene: str) -> "Iterator[Verdict]":
     """Yield a verdict on each column that a CSV table of another solver has as ``simulate`` names it.
 
     Its times ``time_s`` are equally spaced from 0 on, since the reference solution is sampled so. What is

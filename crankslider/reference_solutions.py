@@ -31,8 +31,8 @@ SAMPLES, DIGITS = 120, "%.14g"
 
 def reference_solution(scene: Scene, samples: int) -> Run:
     """Return the reference solution of a scene; raise what an engine does, or Failed, if none is found."""
-    true, repeats = converged(scene, samples)
-    count, contacts = followed(scene, samples), solved(scene, samples).truth.contacts
+    true, repeats = converged(scene, samples, judged=True)
+    count, contacts = followed(scene, samples, judged=True), solved(scene, samples).truth.contacts
     if not count:
         raise Failed("no reference solution was found: two solutions diverge before the first sample")
     place = observed_m(scene, true)

@@ -145,15 +145,15 @@ class Run:
 
         clearances = self.scene.clearances
         if joint not in clearances:
-            some = f"{one_of([*clearances])}, which has clearance"
-            expected = some if clearances else "a scene with clearance"
-            raise BadInput(f"joint: expected {expected}, got {shown(joint)}")
+            raise BadInput(
+                unknown("joint", joint, clearances, "" if clearances else "a scene with clearance")
+            )
         return orbit_plot(self.frame, joint, clearances[joint].radial_clearance_m, self._title)
 
     @check_arguments
     def animate(self, file: Place, exaggerate: Positive = 1.0) -> None:
         """Write an animation of the mechanism, with joint forces as arrows, to a .html, .gif or .mp4 file."""
-        require_outputs(self.scene, animate=file)
+        require_outputs(self.scene, {"animate": file})
         self.write(animate=file, exaggerate=exaggerate)
 
     @check_arguments
@@ -183,16 +183,13 @@ class Run:
         if plot is not None:
             contents["plot"] = plot, picture(self.plot(plot_columns), plot)
         if animate is not None:
-            contents["animate"] = animate, self.film(Path(animate).suffix.lower(), exaggerate)
+            from reports.film import film_bytes, pictured  # loads Matplotlib
+
+            shown = selected(self.trajectory, pictured(len(self.trajectory.time_s)))
+            content = film_bytes(self.scene, shown, exaggerate, Path(animate).suffix.lower(), tell)
+            contents["animate"] = animate, content
         for name, (place, content) in contents.items():
             write_file(name, place, content)
-
-    def film(self, ending: str, exaggerate: float) -> bytes:
-        """Return the animation as the bytes of a file; progress is told as that of a run."""
-        from reports.film import film_bytes, pictured
-
-        shown = selected(self.trajectory, pictured(len(self.trajectory.time_s)))
-        return film_bytes(self.scene, shown, exaggerate, ending, tell)
 
     def _encoded(self, columns: Mapping[str, Any], ending: str) -> bytes:
         """Return a table as CSV with all digits, or as JSON or Parquet with what made it."""
@@ -289,15 +286,9 @@ class Sweep:
     @check_arguments
     def plot(self, show: str | None = None) -> "Figure":
         """Return the figure over the one or two fields that differ, of a column or of a default one."""
-        from reports.run_figures import NoPicture, sweep_picture
+        from reports.run_figures import sweep_picture
 
-        numbers = list(self.frame.columns[list(self.frame).index("warnings") + 1 :])
-        if show is not None and show not in numbers:
-            raise BadInput(unknown("show", show, numbers))
-        try:
-            return sweep_picture(self.frame, self.fields, self.title, show)
-        except NoPicture as reason:
-            raise BadInput(f"plot: {reason}") from None
+        return sweep_picture(self.frame, self.fields, self.title, show)
 
 
 @dataclass(frozen=True, repr=False)
@@ -341,7 +332,7 @@ class Comparison:
         pictures = {}
         if self.run is not None:
             pictures["What does the recommended run look like?"] = self.run.plot()
-            for joint in self.scene.joints_with_clearance:
+            for joint in self.scene.clearances:
                 pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
         with writing("folder", Path(folder)):
             write_comparison(Path(folder), self.results, pictures, self.scene.to_toml(), self.given)
@@ -352,28 +343,16 @@ class Comparison:
 
 
 @check_arguments
-def require_outputs(
-    scene: InstanceOf[Scene],
-    inputs: Sequence[str] = (),
-    out: Place | None = None,
-    impacts: Place | None = None,
-    plot: Place | None = None,
-    animate: Place | None = None,
-    exaggerate: Times = 1.0,
-) -> None:
-    """Refuse, before any work, files that cannot be written, have other endings, or are taken already."""
-    if exaggerate != 1.0 and animate is None:
+def require_outputs(scene: InstanceOf[Scene], files: Mapping[str, Place], exaggerate: Times = 1.0) -> None:
+    """Refuse, before any work, files that cannot be written, have other endings, or are one."""
+    if exaggerate != 1.0 and "animate" not in files:
         raise BadInput(f"exaggerate: expected nothing without animate, got {exaggerate:g}")
-    if impacts is not None and not scene.joints_with_clearance:
+    if "impacts" in files and not scene.clearances:
         raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has no impacts")
-    taken = [os.path.realpath(name) for name in inputs]
-    for name, place in {"out": out, "impacts": impacts, "plot": plot, "animate": animate}.items():
-        if place is not None:
-            require_file(name, place, FILES[name])
-            if (file := os.path.realpath(place)) in taken:
-                expected = "a file that neither the scene is read from nor another is written to"
-                raise BadInput(f"{name}: expected {expected}, got {place}")
-            taken.append(file)
+    for name, place in files.items():
+        require_file(name, place, FILES[name])
+    if len({os.path.realpath(place) for place in files.values()}) < len(files):
+        raise BadInput(f"out: expected a file each, got {', '.join(map(str, files.values()))}")
 
 
 def require_file(argument: str, place: str | Path, endings: Sequence[str]) -> None:

@@ -89,7 +89,7 @@ class RunSettings:
     def times_s(self, scene: Scene) -> FloatArray:
         """Return the times of all samples, in order: equally spaced, and with clearance those of ``at_s``."""
         equal = np.linspace(0.0, scene.end_time_s, self.samples + 1)
-        if not (self.at_s and scene.joints_with_clearance):
+        if not (self.at_s and scene.clearances):
             return equal
         between = np.array(self.at_s)
         return np.union1d(equal, between[~self.are_equal(between, scene.end_time_s)])

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from engine_models.engine import Engine
-from engine_models.scene.plain_words import fields, one_of, refusal, unknown
+from engine_models.scene.plain_words import BadInput, fields, one_of, refusal, unknown
 
 #: The group of entry points by which installed packages bring engines.
 GROUP = "crankslider.engines"
@@ -40,7 +40,7 @@ def join(name: str) -> None:
     """Let the engine ``my_module:MyEngine`` take part in this process's studies; a known name does already.
 
     Raises:
-        ValueError: there is no such engine, or it is none.
+        BadInput: there is no such engine, or it is none.
     """
     engine_class(name)
     _CLASSES[name] = _place(name)
@@ -50,7 +50,7 @@ def engine_module(name: str) -> str:
     """Return the import path of the module that an engine's class is in; nothing is imported.
 
     Raises:
-        ValueError: no engine has this name.
+        BadInput: no engine has this name.
     """
     return _place(name)[0]
 
@@ -59,7 +59,7 @@ def engine_class(name: str) -> Any:
     """Return the settings class of an engine; one from outside need not name its base class.
 
     Raises:
-        ValueError: no engine has this name, or what has it cannot be imported, or is no engine.
+        BadInput: no engine has this name, or what has it cannot be imported, or is no engine.
     """
     module, attribute = _place(name)
     if ":" in name and os.getcwd() not in sys.path:
@@ -68,13 +68,11 @@ def engine_class(name: str) -> Any:
         kind = getattr(import_module(module), attribute)
     except Exception as error:
         if name not in _CLASSES or isinstance(error, ModuleNotFoundError | AttributeError):
-            raise ValueError(
-                f"engine {name}: expected a class that can be imported, got '{error}'"
-            ) from error
+            raise BadInput(f"engine {name}: expected a class that can be imported, got '{error}'") from error
         raise
     lacking = [method for method in METHODS if not callable(getattr(kind, method, None))]
     if lacking:
-        raise ValueError(f"engine {name}: expected the methods {', '.join(METHODS)}, got no {lacking[0]}")
+        raise BadInput(f"engine {name}: expected the methods {', '.join(METHODS)}, got no {lacking[0]}")
     if issubclass(kind, Engine):
         return kind
     return type(kind.__name__, (kind, Engine), {"__doc__": kind.__doc__, "__module__": kind.__module__})
@@ -84,13 +82,13 @@ def make_engine(name: str, **settings: object) -> Engine:
     """Return an engine with the given settings, the rest at their defaults.
 
     Raises:
-        ValueError: no engine has this name, or the engine no such setting or not of this value.
+        BadInput: no engine has this name, or the engine no such setting or not of this value.
     """
     kind = engine_class(name)
     try:
         engine: Engine = kind(**settings)
     except ValidationError as error:
-        raise ValueError(refusal(error, settings, fields(kind))) from None
+        raise BadInput(refusal(error, fields(kind))) from None
     return engine
 
 
@@ -99,5 +97,5 @@ def _place(name: str) -> tuple[str, str]:
     module, colon, attribute = name.partition(":")
     if name not in _CLASSES and not (module and colon and attribute.isidentifier()):
         expected = one_of([*ENGINES, "my_module:MyEngine"])
-        raise ValueError(unknown("engine", name, ENGINES, expected))
+        raise BadInput(unknown("engine", name, ENGINES, expected))
     return _CLASSES.get(name, (module, attribute))

@@ -19,7 +19,7 @@ def require_memory(
     Raises:
         UnsupportedScene: they do not.
     """
-    per_sample = BYTES_PER_SAMPLE + BYTES_PER_CONTACT * len(scene.joints_with_clearance)
+    per_sample = BYTES_PER_SAMPLE + BYTES_PER_CONTACT * len(scene.clearances)
     samples, steps = (settings.samples + 1) * per_sample, recorded_steps * bytes_per_step
     free, need = free_bytes(), samples + steps
     if need > free:

@@ -24,7 +24,7 @@ import pandas as pd
 from reports.contents import CHAPTERS
 from reports.page import FINDINGS, Report, write_report
 from reports.results import ENDING, FACTS, head_of
-from studies.registry import STUDIES
+from studies.case import STUDIES
 from studies.store import Store
 
 #: Columns of times, and those that say no more than the file and the row itself.

@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
+from engine_models.scene.plain_words import BadInput
 from reports.look import BLACK, BLUE, GREY, RC, VERMILLION, Picture, axis_label, picture_bytes, words
 
 #: Colours of the curves of one panel, Okabe and Ito's, and their dashes, which tell them apart in greyscale.
@@ -123,10 +124,6 @@ def card(title: str, lines: Iterable[str], figure: Figure) -> str:
     return f'<b>{escape(title)}</b><ul>{text}</ul><img {source} style="max-width: 60em; width: 100%">'
 
 
-class NoPicture(ValueError):
-    """There is no picture of this; the message says of what there is one."""
-
-
 def sweep_picture(frame: pd.DataFrame, fields: Sequence[str], title: str, show: str | None = None) -> Picture:
     """Return the picture of a sweep's rows over the one or two fields that differ: points, or coloured ones.
 
@@ -134,14 +131,14 @@ def sweep_picture(frame: pd.DataFrame, fields: Sequence[str], title: str, show: 
     at a place of a map it shows the mean.
 
     Raises:
-        NoPicture: other numbers of fields differ, or no member has a number in the column.
+        BadInput: other numbers of fields differ, or no member has a number in the column.
     """
     if not 1 <= len(fields) <= 2:
-        raise NoPicture(f"expected one or two fields that differ, got {len(fields)}")
+        raise BadInput(f"plot: expected one or two fields that differ, got {len(fields)}")
     first = ["largest_contact_force_N", *frame.filter(regex="^largest_joint_")]
     column = show or next((name for name in first if name in frame), first[0])
     if column not in frame or frame[column].isna().all():
-        raise NoPicture(f"expected members with a number in {column}, got none")
+        raise BadInput(f"plot: expected members with a number in {column}, got none")
     rows = frame.dropna(subset=column)
     with mpl.rc_context(RC):
         picture = Picture(3.5) if len(fields) == 1 else Picture(4.6, 6.2)

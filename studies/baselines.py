@@ -14,14 +14,13 @@ import pandas as pd
 from rich.progress import track
 
 from engine_models import arms
-from engine_models.engine import RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
-from studies.case import Case
+from studies.case import Case, Row, run_case
 from studies.failures import BadInput, Failed, log, progress_console, writing
-from studies.judges.comparison import Judged, compared, judged
-from studies.judges.impact_matching import FORCE_ERROR, impact_errors
-from studies.judges.metrics import energy_balance_residual_J, is_force, sizes
+from studies.judges.impact_matching import FORCE_ERROR
+from studies.judges.metrics import is_force
 from studies.whole_file import write_whole
 from studies.workers import Ended, Pool
 
@@ -72,55 +71,47 @@ def cases(engines: Collection[str] = arms.NAMED) -> Iterator[Case]:
     """
     for name, (end_s, step_s, tolerance, settings) in RUNS.items():
         scene = SCENES[name]().replace("end_time_s", end_s)
-        loose = bool(scene.joints_with_clearance)
+        loose = bool(scene.clearances)
         for arm in (*(LOOSE if loose else IDEAL), *arms.newcomers()):
             by_step = make_engine(arm.engine, **arm.settings).order is not None
             longest_s = step_s * (LOCATING if arm.settings.get("locate_events") else 1)
             longest_s = longest_s if by_step else end_s / (40 if loose else 10)
             for k in range(settings if by_step or arm.tolerances else 1) if arm.engine in engines else ():
                 run = RunSettings(longest_s / 2**k if by_step else longest_s, SAMPLES)
-                yield Case("baselines", scene, arm, run, dict.fromkeys(arm.tolerances, tolerance / 10**k))
+                yield Case("accuracy", scene, arm, run, dict.fromkeys(arm.tolerances, tolerance / 10**k))
 
 
-def measure(case: Case) -> dict[str, str | float] | None:
-    """Return the row of a run, without numbers if the run fails; None if the engine refuses the scene."""
+def numbers(case: Case, row: Row) -> Row:
+    """Return a run's row of the table from that of ``accuracy``, without numbers if the run failed."""
     engine = make_engine(case.engine, **case.settings)
     setting = f"step {case.run.step_used_s(case.scene.end_time_s):.4g} s"
     if engine.order is None:
         setting = next((f"tolerance {case.settings[name]:g}" for name in case.arm.tolerances), "as it comes")
     names = case.scene.name, case.engine, case.arm.name, setting
-    row: dict[str, str | float] = dict(zip(RUN, names, strict=True))
-    try:
-        result = judged(engine, case.scene, case.run)
-    except (UnsupportedScene, SimulationFailed) as reason:
-        return None if isinstance(reason, UnsupportedScene) else row
-    errors = {name: float(str(value)) for name, value in compared(result)[0].items() if "_error_" in name}
-    row["position_error_m"], row["velocity_error_m_s"], *_ = errors.values()
-    row["force_error_N"] = max((value for name, value in errors.items() if is_force(name)), default=math.nan)
-    row["peak_force_error_N"] = _peak_error_N(result)
-    row["energy_error_J"] = float(np.abs(energy_balance_residual_J(case.scene, result.plain)).max())
-    return row | {"steps": result.plain.steps}
-
-
-def _peak_error_N(result: Judged) -> float:
-    """Return the largest error of the peak force of an impact, of ideal joints of that of a joint."""
-    run, truth = result.run, result.solved.truth
-    if not run.contacts:
-        both = zip(sizes(result.own, run).items(), sizes(result.own, truth).values(), strict=True)
-        return max(abs(float(size.max() - true.max())) for (name, size), true in both if is_force(name))
-    pairs = [(contact.impacts, truth.contacts[joint].impacts) for joint, contact in run.contacts.items()]
-    return max(impact_errors(*pair, result.compared_until_s).get(FORCE_ERROR, math.nan) for pair in pairs)
+    head: Row = dict(zip(RUN, names, strict=True))
+    if row["status"] != "ok":
+        return head
+    others = ("impact_", "largest_")
+    errors = {name: it for name, it in row.items() if "_error_" in name and not name.startswith(others)}
+    position_m, velocity_m_s, *_ = errors.values()
+    force_N = max((float(str(it)) for name, it in errors.items() if is_force(name)), default=math.nan)
+    energy_J = row["energy_balance_residual_J"]
+    measured = position_m, velocity_m_s, force_N, row.get(FORCE_ERROR, math.nan), energy_J, math.nan
+    return head | dict(zip(FLOORS, (*measured, row["steps"]), strict=True))
 
 
 def measure_all(engines: Collection[str] = arms.NAMED) -> pd.DataFrame:
     """Return the table of some engines' runs, with the order at which errors of smooth motion fall."""
     todo = list(cases(engines))
     with Pool(os.cpu_count() or 1) as pool:
-        done = track(pool.results(measure, todo), "baselines", len(todo), console=progress_console())
-        rows = {case.key: row for case, row in done}
-    if broken := [row for row in rows.values() if isinstance(row, Ended)]:
-        raise Failed(str(broken[0]))
-    table = pd.DataFrame([row for case in todo if (row := rows[case.key])], columns=[*RUN, *FLOORS])
+        done = track(pool.results(run_case, todo), "baselines", len(todo), console=progress_console())
+        rows = dict[str, Row]()
+        for case, result in done:
+            if isinstance(result, Ended):
+                raise Failed(str(result))
+            rows[case.key], _ = result
+    ran = [(case, rows[case.key]) for case in todo if rows[case.key]["status"] != "unsupported"]
+    table = pd.DataFrame([numbers(*each) for each in ran], columns=[*RUN, *FLOORS])
     smooth = table[table["scene"].str.startswith("ideal") & table["setting"].str.startswith("step")]
     for _, series in smooth.groupby(RUN[:3]):
         coarse, fine = series.index[0], series.index[-1]
@@ -153,32 +144,22 @@ def read(folder: Path) -> pd.DataFrame:
     try:
         return pd.read_csv(folder / FILE, comment="#")[[*RUN, *FLOORS]]
     except (OSError, ValueError, KeyError) as reason:
-        todo = '--accept --why "..." writes one'
-        raise BadInput(f"baselines: expected {folder / FILE}, got '{reason}': {todo}") from None
-
-
-def require_baselines(folder: Path, accept: bool, why: str | None) -> None:
-    """Refuse, before any work, acceptance without a reason, and a folder that cannot be read or written."""
-    if accept != bool(why and why.strip()):
-        got = "none" if accept else "one without accept"
-        raise BadInput(f"why: expected a reason with accept, got {got}")
-    if accept:
-        with writing("baselines", folder):
-            folder.mkdir(parents=True, exist_ok=True)
-    else:
-        read(folder)
+        todo = '--accept "..." writes one'
+        raise BadInput(f"folder: expected {folder / FILE}, got '{reason}': {todo}") from None
 
 
 def compare_or_accept(engines: Collection[str], folder: Path, why: str | None) -> list[str]:
     """Return what ``differences`` says of some engines' numbers, or write the table anew with a reason."""
+    accepted = pd.DataFrame() if why else read(folder)
+    with writing("folder", folder):
+        folder.mkdir(parents=True, exist_ok=True)
     measured = measure_all(engines)
     count = measured[[*FLOORS]].count().sum()
     if not why:
-        lines = differences(measured, read(folder))
+        lines = differences(measured, accepted)
         log.info(f"{count - len(lines)} of {count} numbers are within their bands")
         return lines
     text = measured.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-    with writing("baselines", folder):
-        write_whole(folder / FILE, f"# {' '.join(why.split())}\n{text}".encode())
+    write_whole(folder / FILE, f"# {' '.join(why.split())}\n{text}".encode())
     log.info(f"{count} numbers are accepted")
     return []

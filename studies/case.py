@@ -6,7 +6,7 @@ import platform
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from functools import cache
@@ -14,14 +14,13 @@ from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any
 
 from engine_models.arms import MEANINGS, Arm, Setting
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import engine_module
 from engine_models.scene.scene import Scene
 from studies.failures import Failed, bug
-from studies.registry import study_module
 
 Value = str | int | float | bool | None
 #: One flat row of results: units are in the column names, failures have ``status`` and ``reason``.
@@ -29,6 +28,12 @@ Row = dict[str, Value]
 Curves = dict[str, FloatArray]
 
 ROOT = Path(__file__).parents[1]
+#: The studies by name, each imported only when asked for, and those of one scene, which have commands.
+STUDIES = {
+    name: f"studies.{name}"
+    for name in ("accuracy", "energy", "predictability", "cost", "stability", "extremes")
+}
+OF_ONE_SCENE = {"comparison": "studies.compare", "sweep": "studies.sweep"}
 #: The folders whose files decide numbers, and the distributions whose versions do.
 CODE = ("reference_solver", "engine_models", "studies")
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "exudyn", "pymunk")
@@ -68,7 +73,7 @@ class Case:
     def key(self) -> str:
         """What identifies the case together with the code and the libraries that it is run by."""
         parts = [code_of(self.engine), self.head(), self.scene.to_toml(), asdict(self.run)]
-        return _hash(json.dumps(parts, sort_keys=True).encode())
+        return _hash(json.dumps(parts, sort_keys=True))
 
     def head(self) -> Row:
         """Return the columns that say what was run."""
@@ -88,32 +93,24 @@ class Case:
         }
 
 
-class Study(Protocol):
-    """What a study's module provides."""
+def load_study(name: str) -> Any:
+    """Return a study's module by its name, or by its import path where it has none here.
 
-    def cases(self, full: bool) -> list[Case]:
-        """Return the cases; the full set contains the quick one."""
-        ...
-
-    def measure(self, case: Case) -> tuple[Row, Curves]:
-        """Run a case and return its measured columns and its curves over time."""
-        ...
-
-
-def load_study(name: str) -> Study:
-    """Return a study by its name, or by the import path of its module."""
-    return cast(Study, import_module(study_module(name)))
+    ``cases(full)`` are its list of cases; the full set contains the quick one. ``measure(case)`` runs a case
+    and returns its measured columns and its curves over time, ``tuple[Row, Curves]``.
+    """
+    return import_module({**STUDIES, **OF_ONE_SCENE}.get(name, name))
 
 
 def run_case(case: Case) -> tuple[Row, Curves]:
     """Run a case; where there is no run the row has what ``ended`` gives."""
     try:
         measured, curves = load_study(case.study).measure(case)
-    except (UnsupportedScene, SimulationFailed, MemoryError) as reason:
-        status = {UnsupportedScene: "unsupported", SimulationFailed: "failed", MemoryError: "out of memory"}
-        return ended(
-            case, next(word for kind, word in status.items() if isinstance(reason, kind)), reason
-        ), {}
+    except UnsupportedScene as reason:
+        return ended(case, "unsupported", reason), {}
+    except (SimulationFailed, MemoryError) as reason:
+        status = "out of memory" if isinstance(reason, MemoryError) else "failed"
+        return ended(case, status, reason), {}
     except Exception as error:
         raise Failed(f"{case.arm.label} on {case.scene.name}: {bug(error)}") from error
     return {**case.head(), "status": "ok", "reason": "", **measured}, curves
@@ -121,8 +118,8 @@ def run_case(case: Case) -> tuple[Row, Curves]:
 
 def ended(case: Case, status: str, failure: Exception) -> Row:
     """Return the row of a case without a run: how it ended, the reason, and the exception's class."""
-    columns = {"status": status, "reason": str(failure), "exception": type(failure).__name__}
-    return {**case.head(), **columns}
+    end = {"status": status, "reason": str(failure), "exception": type(failure).__name__}
+    return {**case.head(), **end}
 
 
 @cache
@@ -135,21 +132,20 @@ def code_of(engine: str) -> str:
         module = engine_module(engine)
     except ValueError:  # of a study alone
         module = "studies"
-    outside = module.partition(".")[0] not in CODE
-    files = [Path(str(find_spec(module).origin))] if outside else []  # type: ignore[union-attr]
-    return _hash(repr([project_code(), versions(), [path.read_bytes() for path in files]]).encode())
+    files = [] if module.partition(".")[0] in CODE else [Path(str(getattr(find_spec(module), "origin", "")))]
+    return _hash([project_code(), versions(), [path.read_bytes() for path in files]])
 
 
 @cache
 def project_code(folders: tuple[str, ...] = CODE) -> str:
     """Return a hash of the names and bytes of all files of Python and data in folders of the project."""
-    paths = (path for name in folders for path in sorted((ROOT / name).rglob("*")))
+    paths = (path for name in folders for path in sorted((ROOT / name).rglob("*.*")))
     files = [path for path in paths if path.suffix in (".py", ".toml")]
-    return _hash(repr([(path.relative_to(ROOT).as_posix(), path.read_bytes()) for path in files]).encode())
+    return _hash([(path.relative_to(ROOT).as_posix(), path.read_bytes()) for path in files])
 
 
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()[:16]
+def _hash(content: object) -> str:
+    return hashlib.sha256(repr(content).encode()).hexdigest()[:16]
 
 
 @cache
@@ -158,33 +154,23 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
 
 
-def provenance(full: bool, cases: Iterable[Case]) -> dict[str, Any]:
+def provenance(full: bool, cases: Sequence[Case]) -> dict[str, Any]:
     """Return where the rows of a study come from: set, code, commit, day, versions and machine."""
-    cases = list(cases)
+    git = ["git", "describe", "--always", "--exclude=*", "--abbrev=40", "--dirty=+changes"]
+    try:
+        commit = subprocess.run(git, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        commit = "unknown"
+    told = Path("/proc/cpuinfo").read_text(encoding="utf-8") if sys.platform == "linux" else ""
+    name = re.search(r"^model name\s*: (.*)", told, re.MULTILINE)
     return {
         "set": "full" if full else "quick",
         "cases": len(cases),
         "configurations": {case.arm.label: MEANINGS.get(case.arm.label, "") for case in cases},
         "engines": {engine: code_of(engine) for engine in dict.fromkeys(case.engine for case in cases)},
         "code": project_code(),
-        "commit": _commit(),
+        "commit": commit,
         "date": datetime.now(timezone.utc).date().isoformat(),
         "versions": versions(),
-        "machine": {"system": platform.system(), "processor": _processor()},
+        "machine": {"system": platform.system(), "processor": name[1] if name else platform.processor()},
     }
-
-
-@cache
-def _commit() -> str:
-    """Return the commit first seen, with ``+changes`` if the work tree differed, or ``unknown``."""
-    command = ["git", "describe", "--always", "--exclude=*", "--abbrev=40", "--dirty=+changes"]
-    try:
-        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-
-
-def _processor() -> str:
-    told = Path("/proc/cpuinfo").read_text(encoding="utf-8") if sys.platform == "linux" else ""
-    name = re.search(r"^model name\s*: (.*)", told, re.MULTILINE)
-    return name[1] if name else platform.processor()

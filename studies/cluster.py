@@ -28,31 +28,23 @@ class Cluster:
         try:
             self._distributed: Any = import_module("distributed")  # optional, and without types
         except ImportError:
-            got = "none (try crankslider[cluster])"
-            raise BadInput(
-                f"scheduler: expected the package distributed to be installed, got {got}"
-            ) from None
+            expected = "the package distributed to be installed, got none (try crankslider[cluster])"
+            raise BadInput(f"scheduler: expected {expected}") from None
         for logger in ("distributed", "distributed.client", "distributed.core", "tornado.application"):
             # What they tell with tracebacks, we tell in a line.
             logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
+        code = code_of("reference")
         try:
-            # Asked before there is a client: one that cannot connect complains once more at its end.
-            server = asyncio.run(asyncio.wait_for(self._identity(address), 1.2 * CONNECT_S))["type"]
-            if server != "Scheduler":
-                raise ValueError(f"a {server}")
-        except Exception as error:  # whatever a server that is no Dask makes of us
-            got = f"{address} ({error or 'no answer'})"
-            raise BadInput(f"scheduler: expected the address of a Dask scheduler, got {got}") from None
-        self._client = self._distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
-        try:
+            # Without this a server that says nothing would keep a client for ever.
+            asyncio.run(asyncio.wait_for(self._identity(address), CONNECT_S))
+            self._client = self._distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
             self._client.wait_for_workers(1, timeout=CONNECT_S)
             codes = {*self._client.run(code_of, "reference").values()}
-        except Exception as error:
-            codes = {str(error)}
-        if codes != {code_of("reference")}:
-            self._client.close()
-            expected = f"workers with our code and libraries ({code_of('reference')})"
-            raise BadInput(f"scheduler: expected {expected}, got {', '.join(codes)}")
+        except Exception as error:  # whatever a server that is no Dask makes of us
+            codes = {str(error) or "no answer"}
+        if codes != {code}:
+            expected = f"a Dask scheduler whose workers have our code and libraries ({code})"
+            raise BadInput(f"scheduler: expected {expected}, got {address}: {', '.join(codes)}")
 
     async def _identity(self, address: str) -> Any:
         async with self._distributed.rpc(address, timeout=CONNECT_S) as server:

@@ -79,7 +79,7 @@ def _effort(scene: Scene) -> str:
 
 def _judged(scene: Scene, truth: Trajectory) -> tuple[str, float]:
     clearances = scene.clearances.values()
-    if not clearances and scene.speed_is_prescribed:
+    if not clearances and scene.mechanism.drive.prescribes:
         assert truth.driver_torque_N_m is not None
         if peak_N_m := float(np.abs(truth.driver_torque_N_m).max()):
             return _effort(scene), TORQUE_PART * peak_N_m

@@ -118,7 +118,7 @@ def cases(full: bool) -> list[Case]:
 
 
 def _is_quick(case: Case) -> bool:
-    loose = bool(case.scene.joints_with_clearance)
+    loose = bool(case.scene.clearances)
     left_out = (arms.OUT_OF_THE_BOX, arms.BAUMGARTE, arms.LOCATED_ALONE)
     slow = loose and case.engine in ("scipy", "pymunk")  # has the middle setting alone, which the tables show
     return case.arm not in left_out and int(str(case.columns["rung"])) in QUICK_SETTINGS[slow:]
@@ -127,7 +127,7 @@ def _is_quick(case: Case) -> bool:
 def _series(length: Length) -> list[Case]:
     changes = {"end_time_s": length.end_s, "name": length.name or length.scene}
     scene, out = SCENES[length.scene]().model_copy(update=changes), []
-    tolerances = CLEARANCE_TOLERANCES if scene.joints_with_clearance else TOLERANCES
+    tolerances = CLEARANCE_TOLERANCES if scene.clearances else TOLERANCES
     for arm in (*_arms(scene), *arms.newcomers()):
         for rung, count in enumerate(length.steps_per_sample):
             step = scene.end_time_s / (1 if arm.tolerances else length.intervals * count)

@@ -125,9 +125,7 @@ def cases(full: bool) -> list[Case]:
 
 def _case(place: int, extreme: Extreme, arm: arms.Arm) -> Case:
     scene, step = extreme.scene, extreme.step_s
-    chooses = arm in (arms.REFERENCE_DOP853, arms.SCIPY) or (
-        arm is arms.EXUDYN and bool(scene.joints_with_clearance)
-    )
+    chooses = arm in (arms.REFERENCE_DOP853, arms.SCIPY) or (arm is arms.EXUDYN and bool(scene.clearances))
     if chooses and not extreme.for_all:
         step = scene.end_time_s
     columns: Row = {
@@ -181,7 +179,7 @@ def relative_errors(scene: Scene, true_scene: Scene, run: Trajectory) -> dict[st
     truth, until = converged(true_scene, samples)[0], slice(followed(true_scene, samples))
     truth, run = selected(truth, until), selected(run, until)
     told, swings = dict(signals(scene, run)), scales(true_scene, truth)
-    loose, parts = bool(scene.joints_with_clearance), {}
+    loose, parts = bool(scene.clearances), {}
     for name, true in signals(true_scene, truth):
         if not (loose and name.endswith(("_N", "_N_m"))):
             off, size = _size(told[name] - true), STILL * float(_size(true).max())

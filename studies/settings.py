@@ -151,7 +151,7 @@ def by_tolerance(arm: Arm, longest_s: float, exponents: Iterable[int], **added: 
 
 def _series(scene: Scene) -> Series:
     others = dict.fromkeys(arms.newcomers(), NEWCOMER)
-    if not scene.joints_with_clearance:
+    if not scene.clearances:
         return {**others, **IDEAL}
     return {**others, **(RIGID if _between_rigid_walls(scene) else COMPLIANT)}
 
@@ -159,7 +159,7 @@ def _series(scene: Scene) -> Series:
 def _added(scene: Scene, arm: Arm) -> dict[str, Setting]:
     """Return what the studies set beside the step."""
     if arm in (arms.TUNED, arms.SHORTER_IN_CONTACT):
-        driven = arm == arms.TUNED and scene.speed_is_prescribed
+        driven = arm == arms.TUNED and scene.mechanism.drive.prescribes
         return {"iterations": SWEEPS_DRIVEN if driven else SWEEPS}
     if arm in (arms.LOCATED, arms.LOCATED_ALONE) and not _between_rigid_walls(scene):
         return {"steps_per_contact": 50.0}  # as much error there as its steps leave in flight
@@ -168,7 +168,7 @@ def _added(scene: Scene, arm: Arm) -> dict[str, Setting]:
 
 def _longest_s(scene: Scene, arm: Arm) -> float:
     """Return the longest step of a configuration with fixed steps."""
-    if not scene.joints_with_clearance:
+    if not scene.clearances:
         longest = scene.end_time_s / (50 * turns_of(scene))
         return longest / 4 if arm.engine == "pymunk" else longest
     return CONTACT_STEPS.get(arm, 0.5 if arm.engine == "pymunk" else 1.0) * contact_step_s(scene)
@@ -189,7 +189,7 @@ def speeds_rad_s(scene: Scene) -> FloatArray:
         UnsupportedScene, SimulationFailed: there is no true motion.
     """
     if scene.is_short and scene.drive.guide is None:
-        if not scene.speed_is_prescribed:
+        if not scene.mechanism.drive.prescribes:
             return np.array([scene.placed.v[2]])
         _, speeds, _ = Forces(scene).motion(np.linspace(0.0, scene.end_time_s, LOOKS))
         return np.asarray(speeds)

@@ -117,7 +117,9 @@ def first_impact(scene: Scene) -> tuple[float, float]:
     slider, of mass m, with a0 = r w^2 (1 + r/L), so that the slider falls through c and the penetration
     delta: m a0 (c + delta) = K delta^(n+1)/(n+1), its frequency then sqrt(n K delta^(n-1)/m).
     """
-    crank, rod, slider = scene.crank_slider()
+    crank, rod, slider = scene.short.crank, scene.short.rod, scene.short.slider
+    assert rod is not None
+    assert slider is not None
     at_slider = scene.clearance["B"]
     n, stiffness, m = exponent_of(at_slider), stiffness_of(at_slider), slider.mass_kg
     a0 = crank.length_m * scene.start.speed_rad_s["crank"] ** 2 * (1 + crank.length_m / rod.length_m)

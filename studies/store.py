@@ -75,11 +75,8 @@ class Store:
 
     def keep(self, key: str, code: str, row: Row, curves: Curves) -> None:
         """Keep a finished case for good, in place of an earlier row of it."""
-        blob = None
-        if curves:
-            file = io.BytesIO()
-            np.savez_compressed(file, **curves)  # type: ignore[arg-type]
-            blob = file.getvalue()
+        np.savez_compressed(file := io.BytesIO(), **curves)  # type: ignore[arg-type]
+        blob = file.getvalue() if curves else None
         values = (key, row["study"], row["engine"], code, row["status"], json.dumps(row), blob)
         self._ask("insert or replace into row values (?, ?, ?, ?, ?, ?, ?)", *values)
 
@@ -95,9 +92,10 @@ class Store:
         """
         facts: dict[str, Any] = json.loads(dict(self._ask("select * from study")).get(study, "{}"))
         query = "select key, engine, code, content from row where study = ? and status != ? order by key"
-        found, codes = self._ask(query, study, KILLED), facts.get("engines", {})
-        rows = [(key, content) for key, engine, code, content in found if codes.get(engine) == code]
-        return [{"case": key, **json.loads(content)} for key, content in rows], facts
+        codes, rows = facts.get("engines", {}), self._ask(query, study, KILLED)
+        return [
+            {"case": key, **json.loads(row)} for key, engine, code, row in rows if codes.get(engine) == code
+        ], facts
 
     def curves(self, key: str) -> Curves:
         """Return the curves of a case; none where it has none."""

@@ -7,9 +7,9 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import itemgetter
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -76,18 +76,17 @@ def draw_values(
     return values
 
 
-@dataclass(frozen=True)
-class Range:
-    """Numbers from ``low`` to ``high``, in equal ratios if ``log``; no ``count`` where they are drawn."""
+class Range(NamedTuple):
+    """Numbers from ``low`` to ``high``, in equal ratios if ``log``; no ``steps`` where they are drawn."""
 
     low: float
     high: float
     log: bool
-    count: int | None
+    steps: int | None
 
     def at(self, part: FloatArray) -> FloatArray:
         """Return the numbers at parts of the way, (n,), from 0 to 1."""
-        low, high = np.log([self.low, self.high]) if self.log else (self.low, self.high)
+        low, high = np.log(self[:2]) if self.log else self[:2]
         way = low + (high - low) * part
         return np.clip(np.exp(way) if self.log else way, self.low, self.high)
 
@@ -118,18 +117,15 @@ def _number(field: str, value: str | float) -> float:
 def _grid(
     ranges: Mapping[str, Range | FloatArray], members: int | None, jitter: float
 ) -> dict[str, FloatArray]:
-    if members is not None and not jitter:
-        raise BadInput("members: expected jitter beside it on a grid, whose members would all be the same")
-    if not ranges and members is None:
-        raise BadInput("vary: expected FIELD=VALUES, or members and jitter, got nothing")
+    if (members is None or not jitter) and (members is not None or not ranges):
+        raise BadInput("members: expected --vary FIELD=VALUES, or members beside jitter, got another call")
     axes = []
     for field, values in ranges.items():
         if isinstance(values, Range):
-            if not 2 <= (values.count or 0) <= MOST_MEMBERS:
+            if not 2 <= (values.steps or 0) <= MOST_MEMBERS:
                 expected = f"a count from 2 to {MOST_MEMBERS} behind the ends on a grid"
-                raise BadInput(f"vary {field}: expected {expected}, got {values.count or 'none'}")
-            spaced = np.geomspace if values.log else np.linspace
-            values = spaced(values.low, values.high, values.count or 0)
+                raise BadInput(f"vary {field}: expected {expected}, got {values.steps or 'none'}")
+            values = values.at(np.linspace(0.0, 1.0, values.steps or 0))
         axes.append(values)
     if not 0 < (count := math.prod(map(len, axes)) * (members or 1)) <= MOST_MEMBERS:
         raise BadInput(f"vary: expected 1 to {MOST_MEMBERS} members, got {count}")
@@ -141,11 +137,10 @@ def _drawn(
     ranges: Mapping[str, Range | FloatArray], sample: Sample, members: int | None, seed: int
 ) -> dict[str, FloatArray]:
     """Return draws from ranges; Sobol's points are the first of a balanced power of two."""
-    if members is None or not ranges:
-        missing = "members" if ranges else "vary FIELD=LOW:HIGH"
-        raise BadInput(f"sample: expected {missing} beside {sample}, got nothing")
     from scipy.stats import qmc  # which takes a second to load
 
+    if members is None or not ranges:
+        raise BadInput(f"sample: expected members and vary FIELD=LOW:HIGH beside {sample}, got less")
     generator, fields = np.random.default_rng(seed), len(ranges)
     if sample == "random":
         points = generator.random((members, fields))
@@ -155,9 +150,8 @@ def _drawn(
         points = qmc.LatinHypercube(fields, seed=generator).random(members)
     values = {}
     for (field, wanted), part in zip(ranges.items(), points[:members].T, strict=True):
-        if not isinstance(wanted, Range) or wanted.count is not None:
-            came = "a count" if isinstance(wanted, Range) else "a list"
-            raise BadInput(f"vary {field}: expected LOW:HIGH[:log] with sample {sample}, got {came}")
+        if not isinstance(wanted, Range) or wanted.steps is not None:
+            raise BadInput(f"vary {field}: expected LOW:HIGH[:log] with sample {sample}, got other values")
         values[field] = wanted.at(part)
     return values
 
@@ -194,10 +188,12 @@ def member_rows(cases: Sequence[Case], fields: Sequence[str], rows: Sequence[Row
 
     by_case = {row["case"]: row for row in rows}
     table = pd.DataFrame([by_case[case.key] for case in cases])
-    head = {"member": range(len(table))} | {name: table[VARIED + name] for name in fields}
     ends = {name: table.get(name) for name in ENDS}
     others = {*cases[0].head(), *ENDS, "case", "exception"}
-    return pd.DataFrame({**head, **ends, **table[[name for name in table if name not in others]]})
+    varied = {name: table[VARIED + name] for name in fields}
+    return pd.DataFrame(
+        {"member": range(len(table)), **varied, **ends, **table.drop(columns=[*others & {*table}])}
+    )
 
 
 def member(scene: Scene, values: Mapping[str, float], revolutions: float) -> Scene:

@@ -1,20 +1,21 @@
 """Calls in processes of this machine; the death of a process, or its time limit, is the affair of one call.
 
 Not ``concurrent.futures.ProcessPoolExecutor``, which breaks for every call when one process dies. Here every
-process has pipes of its own. None imports the script that calls for it.
+process has a pipe of its own. None imports the script that calls for it.
 """
 
 import ctypes
 import os
-import pickle
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import suppress
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from queue import LifoQueue
 from tempfile import TemporaryFile
-from threading import Event, Timer
 from typing import Any, TypeVar
 
 from engine_models.engine import SimulationFailed, UnsupportedScene
@@ -32,12 +33,12 @@ BEGINNING_S, DYING_S = 600.0, 5.0
 SHOWN_WORDS = 200
 #: What a process begins with: before it imports anything it has our path, so that no file in the current
 #: folder, such as ``array.py``, takes the place of a module of Python's.
-BEGIN = "import sys; sys.path[:] = sys.argv[2:]; from studies.workers import serve; serve(int(sys.argv[1]))"
+BEGIN = "import sys; sys.path[:] = sys.argv[3:]; from studies.workers import serve; serve(*sys.argv[1:3])"
 #: The option of Linux's prctl by which the kernel ends a process whose parent is no more.
 PR_SET_PDEATHSIG = 1
 
 
-class Ended(Exception):
+class Ended(SimulationFailed):
     """A call's process died, or was killed at its limit; ``status`` is what its row says."""
 
     def __init__(self, status: str, reason: str) -> None:
@@ -74,53 +75,48 @@ class Worker:
         return self._run(call, args, limit_s)
 
     def _run(self, call: Callable[..., T], args: tuple[object, ...], limit_s: float) -> T:
-        if self._process is None:
-            self._words = TemporaryFile("a+b")  # noqa: SIM115  it lives as long as the process
-            command = [sys.executable, "-c", BEGIN, str(os.getpid()), *sys.path]
-            pipe = subprocess.PIPE
-            self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=self._words)
+        process = self._process or self._begin()
         if self._closed:
-            self._process.kill()
-        process, begun = self._process, False
-        assert process.stdin is not None
+            process.kill()
+        begun = False
         try:
-            pickle.dump((call, args), process.stdin)
-            process.stdin.flush()
-            self._answer(process, BEGINNING_S)
-            begun = True
-            value, error = self._answer(process, limit_s)
-        except (EOFError, OSError, pickle.UnpicklingError):
+            self._pipe.send((call, args))
+            begun = self._answer(BEGINNING_S)
+            value, error = self._answer(limit_s)
+        except (EOFError, OSError):
             raise self._death(process, begun) from None
         if error is not None:
             raise error
         return value  # type: ignore[no-any-return]
 
-    def _answer(self, process: "subprocess.Popen[bytes]", limit_s: float) -> Any:
-        """Return what a process answers next; it is killed at the limit."""
-        late = Event()
+    def _begin(self) -> "subprocess.Popen[bytes]":
+        """Start a process, with a pipe for calls and answers and a file for what it says."""
+        self._pipe, theirs = Pipe()
+        self._words = TemporaryFile("a+b")  # noqa: SIM115  it lives as long as the process
+        with theirs:
+            number = theirs.fileno()
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", BEGIN, str(number), str(os.getpid()), *sys.path],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,  # of native code too
+                stderr=self._words,
+                pass_fds=[number],
+            )
+        return self._process
 
-        def expire() -> None:
-            late.set()
-            process.kill()
-
-        timer = Timer(limit_s, expire)
-        timer.start()
-        try:
-            return pickle.load(process.stdout)  # type: ignore[arg-type]
-        except EOFError:
-            if late.is_set():
-                self.close()
-                raise Ended(TIMED_OUT, f"not finished within the limit of {limit_s:g} s") from None
-            raise
-        finally:
-            timer.cancel()
+    def _answer(self, limit_s: float) -> Any:
+        """Return what the process answers next; it is killed at the limit."""
+        if self._pipe.poll(limit_s):
+            return self._pipe.recv()
+        self.close()
+        raise Ended(TIMED_OUT, f"not finished within the limit of {limit_s:g} s")
 
     def _death(self, process: "subprocess.Popen[bytes]", begun: bool) -> Exception:
         """Return how a process ended that has closed its pipe."""
-        try:
-            code = process.wait(DYING_S)
-        except subprocess.TimeoutExpired:
-            code = -signal.SIGKILL
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(DYING_S)
+        process.kill()
+        code = process.wait()
         self._words.seek(0)
         said = self._words.read().decode("utf-8", "replace").strip().splitlines()
         self.close()
@@ -142,7 +138,8 @@ class Worker:
         """End the process, if there is one, and let go of its files."""
         if self._process is not None:
             self._process.kill()
-            self._process.communicate()
+            self._process.wait()
+            self._pipe.close()
             self._words.close()
             self._process = None
 
@@ -194,28 +191,24 @@ class Pool:
                 future.cancel()
 
 
-def serve(parent: int) -> None:
+def serve(pipe: str, parent: str) -> None:
     """Answer calls with ``(value, None)`` or ``(None, error)`` until the parent is no more.
 
-    What they print is dropped; of what they say on stderr the last line is told where the process dies.
+    Of what they say on stderr the last line is told where the process dies.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "linux":  # even while native code hangs with the interpreter's lock; else after a call
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:
+        if os.getppid() != int(parent):
             return
-    # File descriptors, not sys.stdout: native code prints too.
-    calls, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_RDWR), 0)
-    os.dup2(0, 1)
+    calls = Connection(int(pipe))
     while True:
         os.ftruncate(2, 0)
         try:
-            call, args = pickle.load(calls)
+            call, args = calls.recv()
         except EOFError:
             return
-        pickle.dump("it begins", answers)
-        answers.flush()
+        calls.send(True)  # it begins
         answer: tuple[Any, Exception | None]
         try:
             answer = call(*args), None
@@ -223,5 +216,4 @@ def serve(parent: int) -> None:
             answer = None, error
         except Exception as error:  # which may be none that can be sent
             answer = None, Failed(bug(error))
-        pickle.dump(answer, answers)
-        answers.flush()
+        calls.send(answer)

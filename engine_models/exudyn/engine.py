@@ -64,12 +64,12 @@ class ExudynEngine(Engine):
         """Return the solver that runs a scene: the one set, or what ``auto`` stands for."""
         if self.solver != "auto":
             return self.solver
-        has_tree = scene.joints_with_clearance and not why_no_tree(scene.mechanism)
+        has_tree = scene.clearances and not why_no_tree(scene.mechanism)
         return "DOPRI5" if has_tree else "TrapezoidalIndex2"
 
     def steps_as_they_come(self, scene: Scene) -> bool:
         """Return whether samples may lie between steps: with clearance, and without constraints."""
-        return bool(scene.joints_with_clearance) or self.solver_of(scene) in EXPLICIT
+        return bool(scene.clearances) or self.solver_of(scene) in EXPLICIT
 
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene where the solver's model or Exudyn's contact stand in the way."""

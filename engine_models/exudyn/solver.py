@@ -63,11 +63,11 @@ def simulation_settings(
     integration.solverType = getattr(exu.DynamicSolverType, solver)
     integration.endTime = scene.end_time_s + OVERRUN_S * as_they_come
     integration.numberOfSteps = steps
-    integration.adaptiveStep = bool(scene.joints_with_clearance)
+    integration.adaptiveStep = bool(scene.clearances)
     integration.automaticStepSize = solver == "DOPRI5"
     kind = "implicit" if solver in IMPLICIT else "explicit"
     integration.minimumStepSize = SHORTEST_STEP_S[kind]
-    if scene.joints_with_clearance:  # steps end where contacts switch
+    if scene.clearances:  # steps end where contacts switch
         gap = EVENT_GAP_M[kind]
         if solver == "DOPRI5":
             gap = max(GAP_PART * engine.step_tolerance, LEAST_GAP_M)
@@ -130,7 +130,7 @@ def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> fl
     angle = min(speed * step_s, LARGEST_TURN_RAD)
     # The norm of what the longest link moves and turns by where the shortest one turns by 1 rad.
     size = shortest_m(scene) * math.hypot(1.0, 1 / max(levers_m(of))) if len(of.bodies) > 1 else 1.0
-    if scene.joints_with_clearance:  # no coarser than touch and release are told apart
+    if scene.clearances:  # no coarser than touch and release are told apart
         bound = min(size * angle**3 / 25, EVENT_GAP_M["implicit"])
     else:
         bound = size * (angle**2 if solver == "GeneralizedAlpha" else angle**3 / 25)

@@ -151,7 +151,7 @@ class ReferenceEngine(Engine):
         step = settings.step_used_s(scene.end_time_s)
         if scene.drive.kind == "fluctuating":
             require_followed(scene, step)  # a ramp is cut into steps enough
-        if not (scene.joints_with_clearance and self.locate_events):
+        if not (scene.clearances and self.locate_events):
             return StepChoice(step, locate_events=self.locate_events)
         per_contact = self.steps_per_contact * TURN_OF_STEP_RAD / (rate_s(scene) * step)
         most = max(MOST_STEPS_PER_CONTACT, self.steps_per_contact)

@@ -53,7 +53,7 @@ def _size(scene: Scene, rank: Rank) -> str:
         "spring": len(of.springs),
     }
     parts = ", ".join(_counted(count, name) for name, count in counts.items() if count)
-    loose = f" (with {', '.join(scene.joints_with_clearance)} taken as ideal)" if of.loose else ""
+    loose = f" (with {', '.join(scene.clearances)} taken as ideal)" if of.loose else ""
     rows = f"{rank.rows} rows of rank {rank.rank}{loose}"
     return f"{scene.name}: {parts}; {rows}, {_counted(rank.freedoms, 'degree')} of freedom"
 
@@ -109,7 +109,7 @@ def _turning_points(scene: Scene, run: Trajectory) -> list[str]:
     spins[f"limit position of {of.bodies[turning].name}"] = turning
 
     def parts(w: FloatArray, q: FloatArray) -> dict[str, float]:
-        ways = joints.way_rows(q) @ w if of.guides else ()
+        ways = joints.told_rows(q, of.guides) @ w
         return {name: ways[k] for name, k in rows.items()} | {name: w[3 * k + 2] for name, k in spins.items()}
 
     lines = []

@@ -35,7 +35,7 @@ def rate_s(scene: Scene) -> float:
     """
     q, v = (part.ravel() for part in checked_start(scene))
     mechanism = mechanism_of(scene)
-    accelerations, _ = Equations(mechanism, q).accelerations(0.0, q, v)
+    accelerations = Equations(mechanism, q).required(0.0, q, v).accelerations
     return scales_of(mechanism, q, v, accelerations, scene.end_time_s).rate_s
 
 
@@ -73,7 +73,7 @@ def reference_run(
 
 def _watch(scene: Scene, solver: Solver, most_steps: float) -> Callable[[float], None]:
     """Return what tells how far a run has come, and ends one whose steps, or events, have collapsed."""
-    if not scene.joints_with_clearance and most_steps >= MOST_STEPS:
+    if not scene.clearances and most_steps >= MOST_STEPS:
         return tell
     look_up = LOOK_UP_STEPS if most_steps >= MOST_STEPS else int(LIMITED * LOOK_UP_STEPS)
     steps, events = Pace(scene, look_up, most_steps), Pace(scene, LOOK_UP_EVENTS, MOST_EVENTS)

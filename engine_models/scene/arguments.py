@@ -1,22 +1,12 @@
 """Arguments of the library's functions, held to their annotations: what does not fit is refused in words."""
 
 import inspect
-import os
 from collections.abc import Callable, Mapping
 from functools import cache, wraps
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Annotated, Any, ParamSpec, TypeVar, get_type_hints
+from typing import Annotated, Any, ParamSpec, TypeVar
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    create_model,
-)
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
 from engine_models.scene.plain_words import BadInput, expect, refusal
 from engine_models.scene.units import NUMBER, in_unit
@@ -26,16 +16,7 @@ R = TypeVar("R")
 
 STRICT = ConfigDict(strict=True, allow_inf_nan=False, arbitrary_types_allowed=True)
 #: NumPy's kinds of numbers and text; times, which would pass for numbers without their unit, are none.
-PLAIN_KINDS = "biufOU"
-#: An integer of more digits is none that anybody means.
-MOST_DIGITS = 20
-
-
-def _has_a_name(place: str | Path) -> str | Path:
-    """Refuse what no file can be named: with a NUL, or with half of a pair of surrogates."""
-    if b"\0" in os.fsencode(place):
-        raise ValueError
-    return place
+PLAIN_KINDS = tuple("biufOU")
 
 
 def in_words(unit: str = "") -> Any:
@@ -43,14 +24,14 @@ def in_words(unit: str = "") -> Any:
 
     def number(value: object) -> object:
         if isinstance(value, str) and NUMBER.fullmatch(value):
-            return int(value) if value.isdigit() and len(value) < MOST_DIGITS else float(value)
+            return int(value) if value.isdigit() else float(value)
         return in_unit(value, unit) if unit else value
 
     return BeforeValidator(number)
 
 
 #: Where a file or a folder is, or is to be.
-Place = Annotated[str | Path, AfterValidator(_has_a_name), expect("a path")]
+Place = Annotated[str | Path, expect("a path")]
 #: Times in s, lengths in m and counts as people type them.
 Seconds = Annotated[float, Field(gt=0, ge=1e-100), in_words("s")]
 Metres = Annotated[float, Field(gt=0), in_words("m")]
@@ -61,33 +42,25 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
     NumPy's numbers and arrays are taken as Python's own. What is raised inside the function stays as it is.
     """
-    signature, name = inspect.signature(function), function.__name__
-    kinds = {key: each.annotation for key, each in signature.parameters.items() if key != "self"}
+    signature = inspect.signature(function)
+    kinds = {name: each.annotation for name, each in signature.parameters.items() if name != "self"}
 
     @cache
     def model() -> type[BaseModel]:
-        fields: dict[str, Any] = {key: (kind, None) for key, kind in kinds.items()}
+        fields: Any = {name: (kind, None) for name, kind in kinds.items()}
         return create_model("Arguments", __config__=STRICT, **fields)
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        bound = signature.bind(*args, **kwargs)
+        given = {name: plain(value) for name, value in bound.arguments.items() if name != "self"}
         try:
-            bound = signature.bind(*args, **kwargs)
-            given = {key: plain(value) for key, value in bound.arguments.items() if key != "self"}
             valid = model().model_validate(given)
-        except TypeError as reason:
-            expected = ", ".join(kinds) or "no arguments"
-            raise BadInput(f"{name}: expected {expected}, got a call: {reason}") from None
         except ValidationError as error:
-            raise BadInput(refusal(error, given)) from None
-        except RecursionError:
-            raise BadInput(f"{name}: expected values of a few levels, got too many") from None
-        bound.arguments.update((key, getattr(valid, key)) for key in given)
+            raise BadInput(refusal(error)) from None
+        bound.arguments.update((name, getattr(valid, name)) for name in given)
         return function(*bound.args, **bound.kwargs)
 
-    hints = get_type_hints(SimpleNamespace(__annotations__=kinds))  # as people read them
-    parameters = [each.replace(annotation=hints.get(each.name)) for each in signature.parameters.values()]
-    checked.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return checked
 
 

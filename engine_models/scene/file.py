@@ -10,7 +10,7 @@ from typing import Any
 from engine_models.scene.format import SceneError as SceneError
 from engine_models.scene.plain_words import shortened
 from engine_models.scene.scene import Scene, with_fields
-from engine_models.scene.tables import OPENED, BadFile, read_text
+from engine_models.scene.tables import read_text
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -20,37 +20,35 @@ else:
 #: Values of fields by their paths, as ``Scene.replace`` takes them.
 Fields = Mapping[str, object]
 NONE: Fields = MappingProxyType({})
-#: A section's head, and a key before its value; a path of names with dots between them.
+#: A section's head, or a key before its value: names with dots between them.
 NAME = r"(?:[\w-]+|\"[^\"\n]*\"|'[^'\n]*')"
-PATH = rf"{NAME}(?:\s*\.\s*{NAME})*"
-HEAD, KEY = re.compile(rf"\s*\[\s*({PATH})\s*\]"), re.compile(rf"\s*({PATH})\s*=")
+LINE = re.compile(rf"\s*(\[?)\s*({NAME}(?:\s*\.\s*{NAME})*)\s*[]=]")
 
 
-def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
-    """Return the scene that a TOML text describes with some changes; raise SceneError if it is none.
-
-    Files of tables are in a folder.
-    """
+def entries(text: str) -> dict[str, Any]:
+    """Return what a TOML text says; raise SceneError if it is none."""
     try:
-        data = tomllib.loads(text)
+        data: dict[str, Any] = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # also an integer too long for Python to read
         reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
-    return Scene.checked(with_fields(data, changes), folder)
+    return data
+
+
+def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
+    """Return the scene that a TOML text describes with some changes, with tables in a folder."""
+    return Scene.checked(with_fields(entries(text), changes), folder)
 
 
 def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
-    """Return the scene in a TOML file, or in what the shell has opened: ``/dev/stdin``, ``/dev/fd/3``.
+    """Return the scene in a TOML file, whose tables are beside it, with changes that an option asked for.
 
-    It is looked at with the changes alone, which an ``option`` has asked for. Raises SceneError where it is
-    none: what is wrong in the file is told with the line, what is with a change with the option.
+    Raises BadFile where there is no text, SceneError where that is no scene: what is wrong in the file is
+    told with the line, what is with a change with the option.
     """
+    text = read_text(path)
     try:
-        text = read_text(path, "a scene")
-    except BadFile as reason:
-        raise SceneError(str(reason)) from None
-    try:
-        return from_toml(text, folder_of(path), changes)
+        return from_toml(text, path.parent, changes)
     except SceneError as error:
         reasons, file, lines = [], f"{path}: ", lines_of(text)
         for why in error.reasons:
@@ -63,23 +61,6 @@ def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
                 reasons.append(f"{file}line {line}: {why}" if line else f"{file}{why}")
                 file = ""
         raise SceneError(*reasons) from None
-
-
-def sources(path: Path, changes: Fields = NONE) -> list[Path]:
-    """Return the files that a scene was loaded from: its own and those of its tables."""
-    files, sections = (
-        [path],
-        list[Mapping[str, Any]]([with_fields(tomllib.loads(read_text(path, "a scene")), changes)]),
-    )
-    for section in sections:
-        sections += [part for part in section.values() if isinstance(part, Mapping)]
-        files += [folder_of(path) / str(section["file"])] if "file" in section else []
-    return files
-
-
-def folder_of(path: Path) -> Path:
-    """Return where the tables of a scene's file are looked for: beside it, or where we are."""
-    return Path() if {path, path.parent} & set(OPENED) else path.parent
 
 
 def line_of(lines: Mapping[str, int], field: str) -> int | None:
@@ -99,14 +80,8 @@ def lines_of(text: str) -> dict[str, int]:
     """Return the numbers of the lines, from 1, of the heads of sections and of the fields in a text."""
     lines, section = dict[str, int](), ""
     for number, line in enumerate(text.splitlines(), 1):
-        if head := HEAD.match(line):
-            section = _plain(head[1])
-            lines.setdefault(section, number)
-        elif key := KEY.match(line):
-            lines.setdefault(f"{section}.{_plain(key[1])}".removeprefix("."), number)
+        if typed := LINE.match(line):
+            path = re.sub(r"[\"']|\s*(\.)\s*", r"\1", typed[2])  # without quotes, and blanks around dots
+            section = path if typed[1] else section
+            lines.setdefault(path if typed[1] else f"{section}.{path}".removeprefix("."), number)
     return lines
-
-
-def _plain(path: str) -> str:
-    """Return a path without quotes, and blanks around its dots."""
-    return re.sub(r"[\"']|\s*(\.)\s*", r"\1", path)

@@ -9,21 +9,11 @@ import math
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
-from engine_models.scene.arguments import check_arguments
 from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown, unknown_key
 from engine_models.scene.tables import BadFile, read_columns
 from engine_models.scene.units import in_own_units
@@ -39,16 +29,9 @@ TURN = 2 * math.pi
 REVOLUTION_RAD, CLOSES = 1e-4, 1e-9
 #: Speeds of straight lines that differ by less than this part of the fastest are one, but for typed digits.
 SAME_SPEED = 1e-6
-#: Steps of a table of whose cubes both the inverse and the product with any force are numbers.
-STEPS = 1e-60, 1e60
 #: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
 FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
-#: Columns of drives with a table; what each kind needs, of a body; and what it may have.
-TABLES: dict[object, tuple[str, ...]] = {
-    "table": ("time_s", "angle_rad", "position_m"),
-    "torque": ("time_s", "torque_N_m"),
-    "motor": ("speed_rad_s", "torque_N_m"),
-}
+#: What each kind of drive needs, of a body, and what it may have.
 NEEDED: dict[str, tuple[str, ...]] = {
     "ramp": ("final_speed_rad_s", "ramp_time_s"),
     "fluctuating": ("amplitude_rad_s", "frequency_Hz"),
@@ -64,16 +47,8 @@ SLOPES = {"position_m": "m/s", "angle_rad": "rad/s", "force_N": "N/s", "speed_ra
 #: where the solver has them.
 DAMPED_LAWS = ("kelvin-voigt", *sorted(NORMAL_LAWS.keys() - {"dissipative"}))
 LAWS = ("linear", "hertz", *DAMPED_LAWS, *DAMPING_FACTORS, "rigid")
-if TYPE_CHECKING:
-    ContactLaw = str
-else:
-    ContactLaw = Literal[LAWS]
 FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
-#: What names may have to be, in the words of refusals.
-BASE, MOVING, TURNING, END = "ground or another body", "a body or a guide", "a body, or none", "a body.pin"
-JOINT = "a pin of two bodies, of two at one place where three meet"
 PRINTED = "a string that is not empty and begins with neither a blank nor =, +, - or @"
-OBSERVED = "a pin's x or y, a body's angle or a guide's along"
 
 
 class SceneError(BadInput):
@@ -98,19 +73,6 @@ def require_known(path: str, name: str, choices: Iterable[str], what: str) -> No
         raise ValueError(unknown(path, name, choices, f"{what} ({', '.join(choices) or 'none'})"))
 
 
-def known(what: str) -> Any:
-    """Return what in an annotation refuses names of nothing that a scene has; a part alone may have any."""
-
-    def check(name: str, info: ValidationInfo) -> str:
-        names = (info.context or {}).get(what, [name])
-        if name not in names:
-            words = f"{what} ({', '.join(filter(None, names)) or 'none'})"
-            raise PydanticCustomError("known", "{words}", {"words": words, "known": names})
-        return name
-
-    return AfterValidator(check)
-
-
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 #: Beyond 1e6 an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
@@ -127,8 +89,6 @@ Place = Annotated[float | Pair, expect("a finite number or a list of two")]
 LETTERS = expect("a name of letters, digits, _ and -, a letter first")
 PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$"), LETTERS]
 Named = dict[PartName, Value]
-BodyName = Annotated[PartName, known("a body")]
-GuideName = Annotated[PartName, known("a guide")]
 
 
 class SceneData(BaseModel):
@@ -141,11 +101,10 @@ class SceneData(BaseModel):
     def _has_known_keys_and_own_units(cls, data: object, info: ValidationInfo) -> object:
         if not isinstance(data, Mapping):
             return data
-        fields, others = cls.model_fields, cls.model_config["extra"] == "allow"  # which are bodies
-        known = [*fields, *((info.context or {}).get("a body", data) if others else ())]
+        bodies = (info.context or {}).get("body", data) if cls.model_config["extra"] == "allow" else ()
+        known = [*cls.model_fields, *bodies]
         if reasons := [unknown_key(key, known) for key in data if key not in known]:
-            missing = [name for name in fields if fields[name].is_required() and name not in data]
-            raise SceneError(*(f"{name}: expected a value, got nothing" for name in missing), *reasons)
+            raise SceneError(*reasons)
         slopes = next((unit for column, unit in SLOPES.items() if data.get(column) is not None), "N m/s")
         exponent = data.get("exponent") or (1 if data.get("law") in LINEAR_LAWS else HERTZ_EXPONENT)
         return in_own_units(data, end_slopes=slopes, stiffness=f"N/m^{exponent}")
@@ -156,13 +115,12 @@ class SceneData(BaseModel):
         try:
             return cls.model_validate(data, context={"folder": folder, **context})
         except ValidationError as error:
-            raise SceneError(*refusals(error, data)) from None
+            raise SceneError(*refusals(error)) from None
 
     def as_written(self) -> dict[str, Any]:
         """Return the fields that were given as a file has them, those of parts in mappings."""
         return self.model_dump(exclude_unset=True, exclude_none=True)
 
-    @check_arguments
     def model_copy(self: Kind, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Kind:  # noqa: ARG002
         """Return a copy with other values in some fields, checked as if it had been read from a file."""
         return self.checked(self.as_written() | dict(update or {}))
@@ -177,43 +135,24 @@ class SceneData(BaseModel):
         self.require((getattr(self, name) is not None) == needed, name, expected)
 
 
-def _or_a_file(schema: dict[str, Any], kind: "type[Table]") -> None:
-    """Let the JSON schema of a table have a file in place of lists, and a drive what its kind needs."""
-    schema["properties"]["file"] = {"type": "string", "description": "a CSV file in place of lists"}
-    if lists := [name for name in schema["required"] if name in kind.COLUMNS]:
-        schema["required"] = [name for name in schema["required"] if name not in lists]
-        schema["oneOf"] = [{"required": lists}, {"required": ["file"]}]
-    for drive, needed in NEEDED.items() if kind is Drive else ():
-        ways = [[name for name in needed if "rad" not in name], *([["file"]] if drive in TABLES else [])]
-        then = {"anyOf": [{"required": names} for names in ways]}
-        condition = {"if": {"properties": {"kind": {"const": drive}}}, "then": then}
-        schema["allOf"] = [*schema.get("allOf", ()), condition]
-
-
 class Table(SceneData):
     """Columns of numbers, with a cubic spline between them, or straight lines; or a ``file`` of them."""
 
-    model_config = ConfigDict(json_schema_extra=_or_a_file)
-
-    #: The columns: the first one, and others of which there is one at least.
-    COLUMNS: ClassVar[tuple[str, ...]] = ()
+    #: The columns of a kind of table: the first one, and others of which there is one at least.
+    COLUMNS: ClassVar[Mapping[object, tuple[str, ...]]] = {}
 
     interpolation: Interpolation = "spline"
     end_slopes: Pair | None = None
-
-    @classmethod
-    def columns_of(cls, kind: object) -> tuple[str, ...]:
-        """Return the columns of a table, or of a drive of a kind, if that has one."""
-        return cls.COLUMNS or TABLES.get(kind, ())
+    file: str | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _has_the_columns_of_its_file(cls, data: object, info: ValidationInfo) -> object:
-        if not (isinstance(data, Mapping) and "file" in data and (names := cls.columns_of(data.get("kind")))):
+        names = cls.COLUMNS.get(data.get("kind")) if isinstance(data, Mapping) else None
+        if not (isinstance(data, Mapping) and names and isinstance(file := data.get("file"), str)):
             return data
-        file, beside = data["file"], [name for name in names if name in data]
+        beside = [name for name in names if name in data]
         require(not beside, "file", f"nothing beside {one_of(beside)}", file)
-        require(isinstance(file, str), "file", "the name of a CSV file", file)
         try:
             columns = read_columns((info.context or {}).get("folder", Path()) / file, names)
         except BadFile as reason:
@@ -223,11 +162,11 @@ class Table(SceneData):
     @model_validator(mode="after")
     def _is_a_table(self) -> "Table":
         """Refuse columns that are missing, too short, of other lengths, or do not rise; and bad slopes."""
-        x_name, *names = self.columns_of(getattr(self, "kind", None)) or ("interpolation",)
+        x_name, *names = self.COLUMNS.get(getattr(self, "kind", None), ("interpolation",))
         x, columns = getattr(self, x_name), [name for name in names if isinstance(getattr(self, name), tuple)]
-        if not columns and not isinstance(x, tuple):  # numbers in place of a table
+        if not columns and not isinstance(x, tuple) and None not in self.COLUMNS:  # numbers in its place
             return self
-        self.require(x is not None, x_name, f"a value beside a list {one_of(columns)}")
+        self.require(x is not None, x_name, f"a value beside a list {one_of(names)}")
         self.require(columns != [], names[0], f"a list of {one_of(names)}")
         fewest = FEWEST_POINTS[self.interpolation]
         require(len(x) >= fewest, x_name, f"at least {fewest} numbers", len(x))
@@ -235,8 +174,7 @@ class Table(SceneData):
             count = len(getattr(self, name))
             require(count == len(x), name, f"as many numbers as {x_name} has, {len(x)}", count)
         for place, (before, after) in enumerate(pairwise(x), 1):
-            rises = STEPS[0] < after - before < STEPS[1]
-            require(rises, f"{x_name}.{place}", f"a number > {before:g}, the one before", after)
+            require(after > before, f"{x_name}.{place}", f"a number > {before:g}, the one before", after)
         fit = self.end_slopes is None or (len(columns) == 1 and self.interpolation == "spline")
         self.require(fit, "end_slopes", "nothing with interpolation = 'linear', or with two columns")
         return self
@@ -272,42 +210,18 @@ class Guide(SceneData):
     against that, unless it ``turns``: then it is a pin in a slot.
     """
 
-    body: BodyName
+    body: PartName
     pin: PartName
-    on: Annotated[PartName, known(BASE)] = "ground"
+    on: PartName = "ground"
     through_m: Place = 0.0
     angle_rad: Angle = 0.0
     turns: bool = False
 
 
-def pins_of(ground: Ground, bodies: Mapping[str, Body]) -> dict[str, list[str]]:
-    """Return the names of what has each pin: the ground first, then bodies in the order of the file."""
-    places = {"ground": ground.pins_m} | {name: body.pins_m for name, body in bodies.items()}
-    pins = dict.fromkeys(pin for own in places.values() for pin in own)
-    return {pin: [name for name, own in places.items() if pin in own] for pin in pins}
-
-
-def names_of(ground: Ground, bodies: Mapping[str, Body], guides: Iterable[str]) -> dict[str, list[str]]:
-    """Return what a scene has names of, by the words that refuse others."""
-    pins = pins_of(ground, bodies)
-    observed = [f"{pin}.{axis}" for pin, parts in pins.items() if parts != ["ground"] for axis in "xy"]
-    observed += [f"{name}.angle" for name in bodies] + [f"{name}.along" for name in guides]
-    return {
-        "a body": [*bodies],
-        "a guide": [*guides],
-        BASE: ["ground", *bodies],
-        TURNING: ["", *bodies],
-        MOVING: [*bodies, *guides],
-        JOINT: [pin for pin, parts in pins.items() if len(parts) == 2],
-        END: [f"{part}.{pin}" for pin, parts in pins.items() for part in parts],
-        OBSERVED: observed,
-    }
-
-
 class Spring(SceneData):
     """A linear spring, and a damper, between two pins named ``body.pin``."""
 
-    between: Annotated[tuple[Annotated[str, known(END)], Annotated[str, known(END)]], Field(strict=False)]
+    between: Annotated[tuple[str, str], Field(strict=False)]
     stiffness_N_m: Positive
     free_length_m: NonNegative
     damping_N_s_m: NonNegative = 0.0
@@ -317,10 +231,7 @@ class Spring(SceneData):
 
 
 class Friction(SceneData):
-    """Friction in a joint with clearance, which rises over ``regularisation_speed_m_s`` from rest.
-
-    The dead band belongs to Ambrosio's law alone.
-    """
+    """Friction in a joint with clearance, which rises over ``regularisation_speed_m_s`` from rest."""
 
     law: FrictionLaw
     coefficient: NonNegative
@@ -337,17 +248,15 @@ class Friction(SceneData):
 
 
 class Clearance(SceneData):
-    """A revolute joint whose pin has room in its bearing.
+    """A revolute joint whose pin has room in its bearing, on the body named first but for ``bearing``.
 
     ``stiffness`` is in N/m^exponent; without it, Hertz's value follows from the material that pin and bearing
-    share. ``exponent`` defaults to 1 for the linear and Kelvin-Voigt laws, else to 3/2. A law of the
-    dissipative family may pull on a pin that leaves fast: the force is zero there unless ``may_pull``. The
-    ``bearing`` is on the ground, else on the body named first, unless its body is named.
+    share. A law of the dissipative family may pull on a pin that leaves fast only if it ``may_pull``.
     """
 
     radial_clearance_m: Positive
     bearing_radius_m: Positive
-    law: ContactLaw
+    law: Literal[LAWS]  # type: ignore[valid-type]
     stiffness: Positive | None = None
     young_modulus_Pa: Positive | None = None
     poisson_ratio: Annotated[float, Field(gt=-1, le=0.5)] | None = None
@@ -372,11 +281,10 @@ class Clearance(SceneData):
         self.require_if(by_material, "poisson_ratio", material)
         self.require_if(self.law in DAMPED_LAWS, "damping_N_s_m", when)
         self.require_if(dissipates or rigid, "restitution", when)
-        if dissipates and self.restitution == 0:
-            try:
-                DAMPING_FACTORS[self.law](0.0)
-            except ZeroDivisionError:
-                self.require(False, "restitution", f"a number > 0 {when}")
+        try:
+            DAMPING_FACTORS.get(self.law, float)(self.restitution or 0.0)
+        except ZeroDivisionError:
+            self.require(False, "restitution", f"a number > 0 {when}")
         self.require(dissipates or not self.may_pull, "may_pull", f"false or nothing {when}")
         self.require(not is_linear or self.exponent in (None, 1.0), "exponent", f"1 or nothing {when}")
         return self
@@ -392,31 +300,26 @@ class Clearance(SceneData):
 
 
 class Gas(Table):
-    """A force by an angle, as a periodic spline or straight lines, over one revolution or two.
+    """A force by the angle of a ``body``, the driven one unless it is named, over one revolution or two."""
 
-    The angle is of a ``body``, that which is driven unless it is named. The last entry is the first again.
-    """
+    COLUMNS = {None: ("angle_rad", "force_N")}
 
-    COLUMNS = ("angle_rad", "force_N")
-
-    angle_rad: Angles
-    force_N: Numbers
-    body: BodyName | None = None
+    angle_rad: Angles = ()
+    force_N: Numbers = ()
+    body: PartName | None = None
 
     @property
     def by_angle(self) -> data.Table:
         """The table, which repeats after that of one revolution and two that is nearer to its length."""
-        angle = getattr(self, name := self.COLUMNS[0])
+        angle = getattr(self, name := self.COLUMNS[None][0])
         return self.table(name, "force_N", TURN if angle[-1] - angle[0] < 1.5 * TURN else 2 * TURN)
 
     @model_validator(mode="after")
     def _repeats(self) -> "Gas":
-        name, angle, force = self.COLUMNS[0], self.by_angle.x, self.force_N
-        last, end = len(angle) - 1, angle[0] + self.by_angle.period
+        name, table = self.COLUMNS[None][0], self.by_angle
+        angle, force, last, end = table.x, table.y, len(table.x) - 1, table.x[0] + table.period
         turns = f"one revolution or two after the first, {angle[0] + TURN:.6g} or {angle[0] + 2 * TURN:.6g}"
         require(abs(angle[-1] - end) <= REVOLUTION_RAD, f"{name}.{last}", turns, angle[-1])
-        within = f"a number < {end:.6g}, where the table repeats"
-        require(angle[-2] < end, f"{name}.{last - 1}", within, angle[-2])
         closes = abs(force[-1] - force[0]) <= CLOSES * max(map(abs, force))
         require(closes, f"force_N.{last}", f"the first one again, {force[0]:g}", force[-1])
         self.require(self.end_slopes is None, "end_slopes", "nothing in a table that repeats")
@@ -426,22 +329,19 @@ class Gas(Table):
 class ByTime(Table):
     """A force in N, a torque in N m or both by the drive's clock, as a spline or straight lines."""
 
-    COLUMNS = ("time_s", "force_N", "torque_N_m")
+    COLUMNS = {None: ("time_s", "force_N", "torque_N_m")}
 
-    time_s: Numbers
+    time_s: Numbers = ()
     force_N: Numbers | None = None
     torque_N_m: Numbers | None = None
 
 
 class Load(SceneData):
-    """Forces and torques on a body: any of them, together.
+    """Forces along a line and torques on a body: any of them, together (see ``data.Load``).
 
-    By the way s along a line and its rate s': ``force_N`` is constant; ``viscous_N_s_m`` -c s', friction of a
-    guide; ``spring_N_m`` -k (s - ``free_position_m``). On a body in a guide they act at the guide's pin along
-    it, and push back on what it is on; ``guide`` names one where the body has two. On another body they act
-    on the centre of mass, or at a ``pin`` of the body, along ``along_rad`` from the x axis of the global
-    frame. By the angle phi of the body: ``torque_N_m`` is constant, ``viscous_N_m_s`` -c phi'. ``gas`` goes
-    by the angle of a body, ``by_time`` by the drive's clock.
+    On a body in a guide they act at the guide's pin along it, and push back on what it is on; ``guide`` names
+    one where the body has two. On another body they act on the centre of mass, or at a ``pin`` of the body,
+    along ``along_rad`` from the x axis of the global frame.
     """
 
     force_N: float | None = None
@@ -464,10 +364,7 @@ class Load(SceneData):
         return any(part is not None for part in parts)
 
     @model_validator(mode="after")
-    def _is_some(self) -> "Load":
-        torques = (self.by_time, self.torque_N_m, self.viscous_N_m_s)
-        some = self.has_forces or any(part is not None for part in torques)
-        self.require(some, "force_N", "it or another force or torque")
+    def _has_a_whole_spring(self) -> "Load":
         sprung = self.spring_N_m is not None
         self.require_if(sprung, "free_position_m", f"{'beside' if sprung else 'without'} spring_N_m")
         return self
@@ -476,25 +373,22 @@ class Load(SceneData):
 class Drive(Table):
     """What drives a ``body``, the first of the file unless it is named, or a ``guide``'s body along it.
 
-    Prescribed speeds are kept whatever that takes. They are functions of time on the drive's clock, which
-    reads ``start.time_s`` as a run begins; of a body in rad/s, along a guide in m/s: fields with ``_m`` and
-    ``_m_s`` take the place of those with ``_rad`` there. ``constant-speed`` keeps that of the start.
-    ``ramp`` goes from it to another, and stays there: a start-up, or a stop. It is w0 + (w1 - w0) x^3
-    (10 - 15 x + 6 x^2) with x = t/``ramp_time_s`` up to 1: twice differentiable. ``fluctuating`` is the
-    start's plus ``amplitude_rad_s`` sin(2 pi ``frequency_Hz`` t + ``phase_rad``); what is slower than 1e-9 Hz
-    is constant for as long as anybody waits. ``table`` turns the body from the start's angle on, as
-    ``angle_rad`` does from its first entry on, by a cubic spline of time; ``end_slopes`` are its speeds at
-    both ends. Without them it is not-a-knot there (de Boor's), but at rest at an end whose two angles are
-    equal. Between straight lines the speed jumps: ``linear`` is for a constant speed alone.
-
-    ``torque`` is on the body, counter-clockwise positive: constant, or by a table over the clock's time.
-    ``motor`` is a torque by the body's speed: at rest ``stall_torque_N_m``, at ``no_load_speed_rad_s`` none,
-    linear in between and beyond; or by a table, which has its end values beyond its ends.
+    Prescribed speeds are functions of time on the drive's clock (see ``data.DriveLaw``); of a body in rad/s,
+    along a guide in m/s: fields with ``_m`` and ``_m_s`` take the place of those with ``_rad`` there. A
+    ``table`` turns the body from the start's angle on, as ``angle_rad`` does from its first entry on. Between
+    straight lines the speed jumps: ``linear`` is for a constant speed alone. A fluctuation slower than 1e-9
+    Hz is constant for as long as anybody waits. Torques are counter-clockwise positive.
     """
 
+    COLUMNS = {
+        "table": ("time_s", "angle_rad", "position_m"),
+        "torque": ("time_s", "torque_N_m"),
+        "motor": ("speed_rad_s", "torque_N_m"),
+    }
+
     kind: Literal["free", "constant-speed", "ramp", "fluctuating", "table", "torque", "motor"]
-    body: BodyName | None = None
-    guide: GuideName | None = None
+    body: PartName | None = None
+    guide: PartName | None = None
     final_speed_rad_s: float | None = None
     final_speed_m_s: float | None = None
     ramp_time_s: Positive | None = None
@@ -505,15 +399,10 @@ class Drive(Table):
     time_s: Numbers | None = None
     angle_rad: Angles | None = None
     position_m: Numbers | None = None
-    torque_N_m: float | Numbers | None = None
+    torque_N_m: Annotated[float | Numbers, expect("a finite number or a list of them")] | None = None
     stall_torque_N_m: float | None = None
     no_load_speed_rad_s: float | None = None
     speed_rad_s: Numbers | None = None
-
-    @property
-    def course(self) -> data.Table:
-        """The angle in rad, or the position in m, over the drive's clock in s."""
-        return self.table("time_s", "position_m" if self.guide else "angle_rad")
 
     @model_validator(mode="after")
     def _fits_its_kind(self) -> "Drive":
@@ -521,21 +410,24 @@ class Drive(Table):
         self.require(not along or self.body is None, "body", "nothing beside guide")
         acts = not along or kind not in ("torque", "motor")
         self.require(acts, "guide", "nothing with a torque, which acts on a body")
-        table, by_speed = self.columns_of(kind), self.speed_rad_s is not None
+        table, by_speed = self.COLUMNS.get(kind, ()), self.speed_rad_s is not None
         of_body = table if by_speed else NEEDED.get(kind, ())
         of_guide = [name.replace("rad_s", "m_s").replace("angle_rad", "position_m") for name in of_body]
         needed = of_guide if along else of_body
-        may = {*needed, *MAY_HAVE.get(kind, ()), *(("interpolation", "end_slopes") if table else ())}
-        fields = type(self).model_fields
-        given = {name for name in fields if getattr(self, name) != fields[name].default}
+        may = {"kind", "body", "guide", *needed, *MAY_HAVE.get(kind, ())}
+        may |= {"interpolation", "end_slopes"} if table else set()
         when = f"with kind = '{kind}'{' along a guide' if along else ' by a table' if by_speed else ''}"
-        wrong = [name for name in fields if name in given - may - {"kind", "body", "guide"}]
-        reasons = [f"{name}: expected nothing {when}, got {shown(getattr(self, name))}" for name in wrong]
-        reasons += [f"{name}: expected a value {when}, got nothing" for name in needed if name not in given]
-        if reasons:
-            raise SceneError(*reasons)
+        reasons, missing = list[str](), list[str]()
+        for name, field in type(self).model_fields.items():
+            came, given = getattr(self, name), getattr(self, name) != field.default
+            if given and name not in may:
+                reasons.append(f"{name}: expected nothing {when}, got {shown(came)}")
+            if not given and name in needed:
+                missing.append(f"{name}: expected a value {when}, got nothing")
+        if reasons + missing:
+            raise SceneError(*reasons, *missing)
         if kind == "table" and self.interpolation == "linear":
-            speeds = np.diff(self.course.y) / np.diff(self.course.x)
+            speeds = np.diff(getattr(self, table[2 if along else 1])) / np.diff(self.time_s or ())
             even = bool(np.ptp(speeds) <= SAME_SPEED * abs(speeds).max())
             self.require(even, "interpolation", "'spline' (else the speed would jump, by an infinite force)")
         if (stall := self.stall_torque_N_m) is not None:
@@ -560,21 +452,21 @@ class BodyState(SceneData):
 
 
 class PlacedStart(SceneData):
-    """Where the motion begins, and how fast.
+    """Where the motion begins, and how fast: what is told, or by its name the state of every body.
 
-    Values told are rough, unless their bodies or guides are named in ``hold``: the mechanism is put together
-    as near to them as its joints allow. Without ``hold`` what is driven is held, else the first body or guide
-    told. Or the state of every body is given by its name. ``time_s`` is what the drive's clock reads then.
+    Values told are rough, unless their bodies, guides or pins are named in ``hold``: the mechanism is put
+    together as near to them as its joints allow. ``time_s`` is what the drive's clock reads then.
     """
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, BodyState] = Field(init=False)
 
-    angle_rad: dict[BodyName, Angle] = {}
-    position_m: dict[GuideName, float] = {}
-    hold: Annotated[tuple[Annotated[PartName, known(MOVING)], ...], Field(strict=False)] = ()
-    speed_rad_s: dict[BodyName, float] = {}
-    speed_m_s: dict[GuideName, float] = {}
+    angle_rad: Named[Angle] = {}
+    position_m: Named[float] = {}
+    place_m: Named[Place] = {}
+    hold: Annotated[tuple[PartName, ...], Field(strict=False)] = ()
+    speed_rad_s: Named[float] = {}
+    speed_m_s: Named[float] = {}
     time_s: Clock = 0.0
 
     @property
@@ -586,8 +478,7 @@ class PlacedStart(SceneData):
 class Top(SceneData):
     """The top of a file, in both spellings. Gravity is a number along -y, or a pair along x and y.
 
-    Names begin cells of CSV files, and spreadsheets run what begins as a formula does. Within less than
-    1e-100 s nothing happens, and steps are lost below the least numbers there are.
+    Names begin cells of CSV files, and spreadsheets run what begins as a formula does.
     """
 
     name: Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect(PRINTED)]

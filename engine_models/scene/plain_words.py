@@ -29,7 +29,7 @@ WORDS = {
     r"a valid integer.*": "an integer",
     r"a valid (\w+).*": r"a \1",
     r"Field required": "a value",
-    r"None$": "nothing",
+    r"None$|Unexpected .*": "nothing",
     r"(at (least|most) \d+ items?) after.*": r"\1",
 }
 #: Longest piece of the input that a message repeats, and most reasons that it gives.
@@ -74,14 +74,14 @@ def unknown(field: str, came: object, choices: Iterable[str], expected: str = ""
     ``expected`` are words for the choices, ``got`` for what came, where these are not to stand as they are.
     """
     known = {choice.lower(): choice for choice in choices}
-    near = get_close_matches(typed(came).lower(), list(known), n=1)
+    near = get_close_matches(str(came).lower(), known, n=1)
     meant = f"did you mean {known[near[0]]}? " if near else ""
     return f"{field}: {meant}expected {expected or one_of([*known.values()])}, got {got or shown(came)}"
 
 
 def unknown_key(key: object, known: Iterable[str]) -> str:
     """Return the refusal of a key that is none of a part's."""
-    return unknown(shortened(typed(key)) or '""', key, known, f"the key {one_of([*known])}", "an unknown key")
+    return unknown(shortened(str(key)) or '""', key, known, f"the key {one_of([*known])}", "an unknown key")
 
 
 def shown(value: object) -> str:
@@ -92,15 +92,7 @@ def shown(value: object) -> str:
         return "a list"
     if isinstance(value, str | bool):
         return shortened(json.dumps(value, ensure_ascii=False))
-    return "nothing" if value is None else shortened(typed(value))
-
-
-def typed(value: object) -> str:
-    """Return a value as it would be typed on a command line."""
-    try:
-        return str(value)
-    except ValueError:  # an integer of thousands of digits
-        return "a huge integer"
+    return "nothing" if value is None else shortened(str(value))
 
 
 def shortened(text: str, longest: int = LONGEST) -> str:
@@ -108,40 +100,26 @@ def shortened(text: str, longest: int = LONGEST) -> str:
     return text if len(text) <= longest else f"{text[:longest]}..."
 
 
-def refusal(error: ValidationError, data: Mapping[str, object], known: Iterable[str] = ()) -> str:
+def refusal(error: ValidationError, known: Iterable[str] = ()) -> str:
     """Return why pydantic refused data in one line; ``known`` are the keys that it may have."""
-    return "; ".join(refusals(error, data, known))
+    return "; ".join(refusals(error, known))
 
 
-def refusals(error: ValidationError, data: Mapping[str, object], known: Iterable[str] = ()) -> list[str]:
+def refusals(error: ValidationError, known: Iterable[str] = ()) -> list[str]:
     """Return why pydantic refused data: the first reasons, and how many more there are."""
-    reasons = dict[str, str]()
-    for details in error.errors():
-        for reason in _reasons(details, data, known):
-            field, _, words = reason.partition(": ")
-            if other := reasons.get(field):  # each type that a field may have gives a reason
-                words = f"{other.rpartition(', got ')[0]} or {words.removeprefix('expected ')}"
-            reasons[field] = words
+    reasons = [reason for details in error.errors() for reason in _reasons(details, known)]
     more = len(reasons) - MOST_REASONS
-    first = [f"{field}: {words}" for field, words in [*reasons.items()][:MOST_REASONS]]
-    return [*first, f"and {more} more"] if more > 0 else first
+    return [*reasons[:MOST_REASONS], f"and {more} more"] if more > 0 else reasons
 
 
-def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
-    """Return the reasons of an error, whose location has the chosen type of a union too."""
-    kind, context, path, of_key = error["type"], error.get("ctx", {}), list[str](), "[key]" in error["loc"]
-    steps = [step for step in error["loc"] if step != "[key]"] or [""]
-    for step in steps:
-        name = shortened(typed(step)) or '""'
-        try:
-            data = data[step]
-            path.append(name)
-        except (KeyError, IndexError, TypeError):  # the chosen type of a union
-            path += [name] if step == steps[-1] and (kind == "missing" or of_key) else []
+def _reasons(error: ErrorDetails, known: Iterable[str]) -> list[str]:
+    """Return the reasons of an error."""
+    kind, context = error["type"], error.get("ctx", {})
+    steps = [shortened(str(step)) or '""' for step in error["loc"] if step != "[key]"]
     if kind == "value_error":
         reasons = getattr(context["error"], "reasons", [str(context["error"])])
-        return [".".join([*path, reason]) for reason in reasons]
-    if kind == "extra_forbidden":
+        return [".".join([*steps, reason]) for reason in reasons]
+    if known and kind in ("extra_forbidden", "unexpected_keyword_argument"):
         return [unknown_key(steps[-1], known)]
     choices = re.findall(r"'([^']*)'", context.get("expected", ""))
     expected = one_of(list(map(shown, choices))) or error["msg"]
@@ -149,10 +127,8 @@ def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
         expected = re.sub(f"^{words}", plain, expected)
     for bound, sign in SIGNS.items():
         expected = f"a number {sign} {context[bound]:g}" if bound in context else expected
-    unit = next((unit for name in reversed(path) if (unit := unit_of(name))), None)
-    if of_key:
-        data = steps[-1]
-    elif unit and isinstance(error["input"], str) and kind != "known":
+    unit = next((unit for name in reversed(steps) if (unit := unit_of(name))), None)
+    if unit and isinstance(error["input"], str) and "[key]" not in error["loc"]:
         expected += f", or text with a unit such as '1 {unit}'"
-    choices = context.get("known", choices)
-    return [unknown(".".join(path), data, choices, expected, "nothing" if kind == "missing" else "")]
+    came = "nothing" if kind == "missing" else ""
+    return [unknown(".".join(steps), error["input"], choices, expected, came)]

@@ -4,35 +4,31 @@ It is checked by its names, resolved to the mechanism that engines build from, a
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import tomli_w
-from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, model_validator
 
 from engine_models.scene import format as form
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.format import Named, Place, SceneError, require, require_known
 from engine_models.scene.plain_words import expect, one_of, shown
-from engine_models.scene.short import OF_GENERAL, CrankSlider, Link, Slider, assembled, in_short
+from engine_models.scene.short import OF_GENERAL, CrankSlider, assembled, in_short
 from reference_solver.mechanism import data
+from reference_solver.mechanism.assembly import Joints, Quantity, Told, assemble, require_closed
 from reference_solver.mechanism.data import GROUND, Course, Motion, Point
 from reference_solver.mechanism.loads import distance_m
 from reference_solver.mechanism.motions import curve_of, going_on, moved
 from reference_solver.tape import FloatArray
 
-if TYPE_CHECKING:
-    from reference_solver.mechanism import assembly
-
 Kind = TypeVar("Kind")
 #: The path of a field, or values by their paths.
 Fields = Annotated[str | Mapping[str, object], expect("a string or a mapping of names to values")]
-#: Parts of the format that no engine runs so far.
-Later = Named[Annotated[None, expect("nothing yet, which no engine runs so far")]]
 #: What moves by less has not moved, and a table may end before its scene by this part.
 ROUND_OFF = 1e-12
 #: A scene that a table drives begins at another speed than the table's by this part of the fastest in it: a
@@ -60,11 +56,6 @@ class Observed(NamedTuple):
     point: Point = (0.0, 0.0)
     guide: data.Line | None = None
 
-    @property
-    def unit(self) -> str:
-        """The unit: rad of an angle, else m."""
-        return "rad" if self.what == "angle" else "m"
-
 
 class Scene(form.Top):
     """Any planar mechanism in motion: bodies that share pins, guides, springs, loads, a drive.
@@ -79,31 +70,22 @@ class Scene(form.Top):
     ground: form.Ground = form.Ground(pins_m={})
     body: Annotated[Named[form.Body], Field(min_length=1)]
     guide: Named[form.Guide] = Field({})
-    observe: Annotated[str, form.known(form.OBSERVED)]
-    turning: Annotated[str, form.known(form.TURNING)] | None = None
+    observe: str
+    turning: str | None = None
     spring: Named[form.Spring] = Field({})
-    load: dict[form.BodyName, form.Load] = Field({})
+    load: Named[form.Load] = Field({})
     drive: form.Drive = form.Drive(kind="free")
-    clearance: dict[Annotated[form.PartName, form.known(form.JOINT)], form.Clearance] = Field({})
+    clearance: Named[form.Clearance] = Field({})
     start: form.PlacedStart = form.PlacedStart()
-    film: Later = Field({})
-    friction: Later = Field({})
 
     _short: CrankSlider | None = PrivateAttr(None)
-
-    @field_validator("body", "guide")
-    @classmethod
-    def _names_are_known_to_later_parts(cls, part: Any, info: ValidationInfo) -> Any:
-        own, taken = info.data | {info.field_name: part}, ["ground", *form.PlacedStart.model_fields]
-        for name in own.get("body", ()):
-            require(name not in taken, name, f"a name other than {one_of(taken)}", name)
-        if info.context is not None and {"ground", "body"} <= own.keys():
-            info.context.update(form.names_of(own["ground"], own["body"], own.get("guide", {})))
-        return part
 
     @model_validator(mode="after")
     def _hangs_together(self, info: ValidationInfo) -> "Scene":
         self._short = (info.context or {}).get("short")
+        for path, name, choices, what in _names(self):
+            if name is not None:
+                require_known(path, name, choices, what)
         _check_parts(self)
         self.placed  # noqa: B018  put together, or refused
         return self
@@ -116,7 +98,7 @@ class Scene(form.Top):
             came = shown(data[general[0]])
             raise SceneError(f"{general[0]}: expected nothing beside crank (the short form), got {came}")
         if general:
-            return super().checked(data, folder)
+            return super().checked(data, folder, body=data.get("body"))
         short = CrankSlider.checked(data, folder)
         try:
             return super().checked(short.general(), short=short)
@@ -146,10 +128,6 @@ class Scene(form.Top):
         """Return the scene as a TOML file that reads back to an equal scene."""
         return tomli_w.dumps(self.as_written())
 
-    def path(self, general: str) -> str:
-        """Return the path of a field in the scene's own spelling."""
-        return in_short(general) if self._short else general
-
     @property
     def is_short(self) -> bool:
         """Whether it is written in the short spelling, as a crank-slider or a pendulum."""
@@ -166,13 +144,6 @@ class Scene(form.Top):
         assert self._short is not None, f"scene {self.name}: neither a crank-slider nor a pendulum"
         return self._short
 
-    def crank_slider(self) -> tuple[Link, Link, Slider]:
-        """Return crank, rod and slider of a scene that is written as a crank-slider."""
-        rod, slider = self.short.rod, self.short.slider
-        assert rod is not None
-        assert slider is not None
-        return self.short.crank, rod, slider
-
     def number(self, name: str) -> int:
         """Return the number of a body, or of the ground."""
         return GROUND if name == "ground" else [*self.body].index(name)
@@ -188,7 +159,9 @@ class Scene(form.Top):
     @cached_property
     def pins(self) -> dict[str, list[str]]:
         """The names of what has each pin: the ground first, then bodies in the order of the file."""
-        return form.pins_of(self.ground, self.body)
+        places = {"ground": self.ground.pins_m} | {name: body.pins_m for name, body in self.body.items()}
+        pins = dict.fromkeys(pin for own in places.values() for pin in own)
+        return {pin: [name for name, own in places.items() if pin in own] for pin in pins}
 
     @property
     def markers(self) -> dict[str, tuple[int, Point]]:
@@ -220,6 +193,10 @@ class Scene(form.Top):
         point = (0.0, 0.0) if axis == "angle" else self.point(last, name)
         return Observed(self.observe, what, self.number(last), point)
 
+    def guides_of(self, body: str) -> list[str]:
+        """Return the names of the guides that a body is in."""
+        return [name for name, guide in self.guide.items() if guide.body == body]
+
     @property
     def driven(self) -> str:
         """The name of the driven body, or guide."""
@@ -233,30 +210,14 @@ class Scene(form.Top):
         """
         if self.turning is not None:
             return self.number(self.turning) if self.turning else None
-        is_pinned = (
-            self.drive.guide is None and self.ground.pins_m.keys() & self.body[self.driven].pins_m.keys()
-        )
-        return self.number(self.driven) if is_pinned else None
-
-    @property
-    def speed_is_prescribed(self) -> bool:
-        """Whether the driver keeps a speed, constant or not, whatever that takes."""
-        return self.mechanism.drive.prescribes
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the joints, in their order."""
-        return tuple(pin.name for pin in self.mechanism.pins)
+        on_ground = self.drive.guide is None and self.ground.pins_m.keys() & self.body[self.driven].pins_m
+        return self.number(self.driven) if on_ground else None
 
     @property
     def clearances(self) -> dict[str, form.Clearance]:
         """The clearances of the joints that have one, by the joints' names, in their order."""
-        return {name: self.clearance[name] for name in self.joints if name in self.clearance}
-
-    @property
-    def joints_with_clearance(self) -> tuple[str, ...]:
-        """Names of the joints with clearance, in their order."""
-        return tuple(self.clearances)
+        names = [pin.name for pin in self.mechanism.pins]
+        return {name: self.clearance[name] for name in names if name in self.clearance}
 
 
 def with_fields(data: dict[str, Any], fields: Mapping[str, object]) -> dict[str, Any]:
@@ -273,38 +234,55 @@ def with_fields(data: dict[str, Any], fields: Mapping[str, object]) -> dict[str,
     return data
 
 
+def _names(scene: Scene) -> Iterator[tuple[str, str | None, Iterable[str], str]]:
+    """Yield every name by which a part means another: its path, the name, what it may be, that in words."""
+    start, pins, bodies, guides = scene.start, scene.pins, [*scene.body], [*scene.guide]
+    taken = ["ground", *form.PlacedStart.model_fields]
+    for name in bodies:
+        require(name not in taken, f"body.{name}", f"a name other than {one_of(taken)}", name)
+    for name, guide in scene.guide.items():
+        yield f"guide.{name}.body", guide.body, bodies, "a body"
+        yield f"guide.{name}.pin", guide.pin, scene.body[guide.body].pins_m, f"a pin of {guide.body}"
+        others = [it for it in ("ground", *bodies) if it != guide.body]
+        yield f"guide.{name}.on", guide.on, others, "ground or another body"
+    ends = [f"{part}.{pin}" for pin, parts in pins.items() for part in parts]
+    for name, spring in scene.spring.items():
+        for place, end in enumerate(spring.between):
+            yield f"spring.{name}.between.{place}", end, ends, "a body.pin"
+    joints = [pin for pin, parts in pins.items() if len(parts) == 2]
+    for pin, room in scene.clearance.items():
+        yield f"clearance.{pin}", pin, joints, "a pin of two bodies, of two at one place where three meet"
+        yield f"clearance.{pin}.bearing", room.bearing, pins[pin], f"what has pin {pin}"
+    for name, load in scene.load.items():
+        own = scene.guides_of(name)
+        yield f"load.{name}", name, bodies, "a body"
+        yield f"load.{name}.guide", load.guide, own, f"a guide of {name}"
+        free = scene.body[name].pins_m if load.has_forces and not own else ()
+        yield f"load.{name}.pin", load.pin, free, f"a pin of {name} for a force without a guide"
+        yield f"load.{name}.gas.body", load.gas.body if load.gas else None, bodies, "a body"
+    yield "drive.body", scene.drive.body, bodies, "a body"
+    yield "drive.guide", scene.drive.guide, guides, "a guide"
+    pinned = [pin for pin, parts in pins.items() if parts != ["ground"]]
+    told = {"angle_rad": "a body", "speed_rad_s": "a body", "position_m": "a guide", "speed_m_s": "a guide"}
+    for key, what in (told | {"place_m": "a pin of a body"}).items():
+        for name in getattr(start, key):
+            yield f"start.{key}.{name}", name, {"a body": bodies, "a guide": guides}.get(what, pinned), what
+    for place, name in enumerate(start.hold):
+        yield f"start.hold.{place}", name, [*bodies, *guides, *start.place_m], "a body, a guide or a pin told"
+    yield "turning", scene.turning or None, bodies, "a body, or none"
+    observed = [f"{pin}.{axis}" for pin in pinned for axis in "xy"]
+    observed += [f"{name}.angle" for name in bodies] + [f"{name}.along" for name in guides]
+    yield "observe", scene.observe, observed, "a pin's x or y, a body's angle or a guide's along"
+
+
 def _check_parts(scene: Scene) -> None:
     """Raise ValueError, with the entry and what was expected, where parts do not fit each other."""
-    _check_joints(scene)
-    _check_drive(scene)
-    for name, load in scene.load.items():
-        path, guides = f"load.{name}", [it for it, part in scene.guide.items() if part.body == name]
-        if load.guide is not None:
-            require_known(f"{path}.guide", load.guide, guides, f"a guide of {name}")
-        one = load.guide is not None or len(guides) < 2 or not load.has_forces
-        require(one, f"{path}.guide", one_of(guides), None)
-        alone, told = load.has_forces and not guides, "a number for a force without a guide, and only there"
-        require((load.along_rad is not None) == alone, f"{path}.along_rad", told, load.along_rad)
-        if load.pin is not None:
-            pins = scene.body[name].pins_m if alone else ()
-            require_known(f"{path}.pin", load.pin, pins, f"a pin of {name} for a force without a guide")
-        driven = load.gas is None or load.gas.body or scene.drive.body
-        require(driven is not None, f"{path}.gas.body", "a body, or drive.body", None)
-    start, both = scene.start, scene.body.keys() & scene.guide.keys()
-    for place, name in enumerate(start.hold):
-        require(name not in both, f"start.hold.{place}", "a name that is of a body or of a guide", name)
-    for name in scene.body if start.states else ():
-        require(name in start.states, f"start.{name}", "the state of every body or of none", None)
-    for key in ("angle_rad", "position_m", "hold") if start.states else ():
-        came = getattr(start, key)
-        require(not came, f"start.{key}", "nothing beside the state of every body", came)
-
-
-def _check_joints(scene: Scene) -> None:
-    for name, guide in scene.guide.items():
+    start = scene.start
+    for name in scene.body:
+        of_all = not start.states or name in start.states
+        require(of_all, f"start.{name}", "the state of every body or of none", None)
+    for name in scene.guide:
         require(name not in scene.pins, f"guide.{name}", "a name that no pin has", name)
-        require_known(f"guide.{name}.pin", guide.pin, scene.body[guide.body].pins_m, f"a pin of {guide.body}")
-        require(guide.on != guide.body, f"guide.{name}.on", "ground or another body", guide.on)
     for name, spring in scene.spring.items():
         first, second = (end.partition(".")[0] for end in spring.between)
         require(first != second, f"spring.{name}.between", "pins of two bodies", spring.between)
@@ -314,20 +292,25 @@ def _check_joints(scene: Scene) -> None:
     places = [[(0.0, 0.0), *(scene.point(name, pin) for pin in it.pins_m)] for name, it in scene.body.items()]
     longest = max(math.dist(a, b) for points in places for a in points for b in points)
     for name, room in scene.clearance.items():
-        bodies, c = scene.pins[name], room.radial_clearance_m
-        require_known(f"clearance.{name}.bearing", room.bearing or bodies[0], bodies, f"what has pin {name}")
-        expected = f"a number < {longest:g}, the largest distance between two joints of a body"
+        c, expected = room.radial_clearance_m, f"a number < {longest:g}, the longest distance on a body"
         require(c < longest or not longest, f"clearance.{name}.radial_clearance_m", expected, c)
-
-
-def _check_drive(scene: Scene) -> None:
-    """Refuse a drive of what cannot turn, and tables shorter than the scene."""
-    begin_s, end_s = scene.start.time_s, scene.start.time_s + scene.end_time_s
-    on_ground = {guide.body for guide in scene.guide.values() if guide.on == "ground" and not guide.turns}
-    turns = scene.drive.kind == "free" or scene.driven not in on_ground
+    for name, load in scene.load.items():
+        path, guides = f"load.{name}", scene.guides_of(name)
+        one = load.guide is not None or len(guides) < 2 or not load.has_forces
+        require(one, f"{path}.guide", one_of(guides), None)
+        alone, told = load.has_forces and not guides, "a number for a force without a guide, and only there"
+        require((load.along_rad is not None) == alone, f"{path}.along_rad", told, load.along_rad)
+        driven = load.gas is None or load.gas.body or scene.drive.body
+        require(driven is not None, f"{path}.gas.body", "a body, or drive.body", None)
+    for key in ("angle_rad", "position_m", "place_m", "hold") if start.states else ():
+        came = getattr(start, key)
+        require(not came, f"start.{key}", "nothing beside the state of every body", came)
+    kept = [guide.body for guide in scene.guide.values() if guide.on == "ground" and not guide.turns]
+    turns = scene.drive.kind == "free" or scene.driven not in kept
     require(turns, "drive.body", "a body that can turn, which no guide of the ground holds", scene.driven)
     times = {f"load.{name}.by_time": it.by_time.time_s for name, it in scene.load.items() if it.by_time}
-    for path, time in (times | {"drive": scene.drive.time_s or ()}).items():
+    begin_s, end_s = start.time_s, start.time_s + scene.end_time_s
+    for path, time in (times | {"drive": scene.drive.time_s}).items():
         if time:
             first, last = f"{path}.time_s.0", f"{path}.time_s.{len(time) - 1}"
             require(time[0] <= begin_s, first, f"a number <= {begin_s:g}, when the scene begins", time[0])
@@ -396,38 +379,34 @@ def _load(scene: Scene, name: str, load: form.Load, guides: tuple[data.Guide, ..
 
 def _drive(scene: Scene, bodies: tuple[data.Body, ...], guides: tuple[data.Guide, ...]) -> data.DriveData:
     """Return the drive; the speed at the start is that told of what is driven, or that of a given state."""
-    from reference_solver.mechanism.assembly import Joints  # most scenes do without
-
-    drive, start, name, number = scene.drive, scene.start, scene.driven, None
-    if drive.guide is None:
-        body, speed = scene.number(name), start.speed_rad_s.get(name)
-        if speed is None and start.states:
-            speed = start.states[name].angular_velocity_rad_s
-    else:
-        number = [*scene.guide].index(name)
-        body, speed = guides[number].body_j, start.speed_m_s.get(name)
-        if speed is None and start.states:
-            q, v = state_of(scene)
-            speed = float(Joints(data.MechanismData(bodies, (), guides)).way_rows(q)[number] @ v)
-    speed = speed or 0.0
+    drive: Any = scene.drive
+    start, name, number, unit, told = scene.start, scene.driven, None, "rad_s", scene.start.speed_rad_s
+    if drive.guide:
+        number, unit, told = [*scene.guide].index(name), "m_s", start.speed_m_s
+    body, speed = scene.number(name) if number is None else guides[number].body_j, told.get(name, 0.0)
+    if start.states and name not in told:
+        q, v = state_of(scene)
+        row = Joints(data.MechanismData(bodies, ())).told_rows(
+            q, [body if number is None else guides[number]]
+        )
+        speed = float((row @ v)[0])
     law: data.DriveLaw | None = None
     match drive.kind:
         case "constant-speed":
             law = data.ConstantSpeed(speed)
         case "ramp":
-            last = drive.final_speed_rad_s if number is None else drive.final_speed_m_s
-            law = _data(data.Ramp, drive, first=speed, last=last, duration_s=drive.ramp_time_s)
+            law = data.Ramp(speed, getattr(drive, f"final_speed_{unit}"), drive.ramp_time_s)
         case "fluctuating":
-            amplitude = drive.amplitude_rad_s if number is None else drive.amplitude_m_s
-            law = _data(data.Fluctuation, drive, mean=speed, amplitude=amplitude)
+            amplitude = getattr(drive, f"amplitude_{unit}")
+            law = data.Fluctuation(speed, amplitude, drive.frequency_Hz, drive.phase_rad)
         case "table":
-            law = data.Course(drive.course)
+            law = data.Course(drive.table("time_s", "position_m" if drive.guide else "angle_rad"))
         case "torque":
-            by_time = {"torque_N_m": drive.table("time_s", "torque_N_m")} if drive.time_s else {}
-            law = _data(data.Torque, drive, **by_time)
+            law = data.Torque(drive.table("time_s", "torque_N_m") if drive.time_s else drive.torque_N_m)
+        case "motor" if drive.speed_rad_s:
+            law = data.Motor(table=drive.table("speed_rad_s", "torque_N_m"))
         case "motor":
-            table = drive.table("speed_rad_s", "torque_N_m") if drive.speed_rad_s else None
-            law = _data(data.Motor, drive, table=table)
+            law = data.Motor(drive.stall_torque_N_m, drive.no_load_speed_rad_s)
     return data.DriveData(body, number, law, start.time_s)
 
 
@@ -439,31 +418,17 @@ def state_of(scene: Scene) -> tuple[FloatArray, FloatArray]:
 
 def _placed(scene: Scene, short: CrankSlider | None) -> Placed:
     """Return the start of a scene whose parts fit each other; raise ValueError if there is none."""
-    from reference_solver.mechanism.assembly import NotAssembled, assemble, require_closed  # most do without
-
     of, words, told = scene.mechanism, None, _told(scene)
-    try:
-        if scene.start.states:
-            q, v = state_of(scene)
-            require_closed(of, q, v)
-        elif short is not None and short.guide == (0.0, 0.0) and not told.speed_m_s:
-            q, v = assembled(short, short.start.crank_angle_rad, told.speed_rad_s.get(0, 0.0))
-        else:
-            start, what = assemble(of, told), "guide" if scene.drive.guide else "body"
-            moves = scene.drive.kind == "free" or start.drive_moves
-            require(moves, f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
-            q, v, told_ways = start.q, start.v, [name in scene.start.position_m for name in scene.guide]
-            changes = [(f"{name} turned by", "rad") for name in scene.body]
-            changes += [(f"{name} moved along by", "m") for name in scene.guide]
-            sizes = np.abs([*start.turned_rad, *start.moved_m * told_ways])
-            by = [
-                f"{what} {x:.3g} {unit}"
-                for (what, unit), x in zip(changes, sizes, strict=True)
-                if x > ROUND_OFF
-            ]
-            words = ", ".join(by) or "nothing moved"
-    except NotAssembled as reason:
-        raise ValueError(_refused(scene, str(reason))) from None
+    if scene.start.states:
+        q, v = state_of(scene)
+        require_closed(of, q, v)
+    elif short is not None and short.guide == (0.0, 0.0) and told.speeds.keys() <= {0}:
+        q, v = assembled(short, short.start.crank_angle_rad, told.speeds.get(0, 0.0))
+    else:
+        start, what = assemble(of, told), "guide" if scene.drive.guide else "body"
+        moves = scene.drive.kind == "free" or start.drive_moves
+        require(moves, f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
+        q, v, words = start.q, start.v, start.moved
     for spring in of.springs:
         has_length = spring.free_length_m > 0 or spring.damping_N_s_m > 0
         apart = not has_length or distance_m(spring, q.reshape(1, -1))[0] > ROUND_OFF * spring.free_length_m
@@ -472,50 +437,45 @@ def _placed(scene: Scene, short: CrankSlider | None) -> Placed:
     return Placed(tuple(q.ravel().tolist()), tuple(v.ravel().tolist()), words)
 
 
-def _refused(scene: Scene, reason: str) -> str:
-    """Return why there is no such start, with the entry that tells what does not hold."""
-    start, expected = scene.start, reason.partition(", got")[0]
-    if "speeds" not in expected or start.states:
-        return f"start.hold: {reason}" if "held" in expected and start.hold else f"start: {reason}"
-    drives = scene.speed_is_prescribed and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
-    also = f" (that of {scene.driven}, by the drive, among them)" if drives else ""
-    key = "speed_m_s" if start.speed_m_s and not start.speed_rad_s else "speed_rad_s"
-    return f"start.{key}: {reason}{also}"
-
-
-def _told(scene: Scene) -> "assembly.Told":
+def _told(scene: Scene) -> Told:
     """Return what the file tells of the start, by numbers, with the speed of what is driven."""
-    from reference_solver.mechanism.assembly import Told
-
-    start, drive, held = scene.start, scene.mechanism.drive, held_at_start(scene)
-    bodies = {name: number for number, name in enumerate(scene.body)}
-    guides = {name: number for number, name in enumerate(scene.guide)}
-    angles = {bodies[name]: angle for name, angle in start.angle_rad.items()}
-    ways = {guides[name]: way for name, way in start.position_m.items()}
+    start, of = scene.start, scene.mechanism
+    bodies: dict[str, Quantity] = {name: number for number, name in enumerate(scene.body)}
+    guides, places = {guide.name: guide for guide in of.guides}, dict[str, list[data.Guide]]()
+    values = {bodies[name]: angle for name, angle in start.angle_rad.items()}
+    values |= {guides[name]: way for name, way in start.position_m.items()}
+    for pin, place in start.place_m.items():
+        ends = _ends(scene, ("ground", 0.0), (scene.pins[pin][-1], pin))
+        places[pin] = [data.Guide(**ends, angle_rad=angle, name=pin) for angle in (0.0, math.pi / 2)]
+        values |= dict(zip(places[pin], place if isinstance(place, tuple) else (place, 0.0), strict=True))
     speeds = {bodies[name]: speed for name, speed in start.speed_rad_s.items()}
-    along = {guides[name]: speed for name, speed in start.speed_m_s.items()}
-    if isinstance(drive.law, Motion):
-        driven, number = (speeds, drive.body) if drive.guide is None else (along, drive.guide)
-        speed = float(moved(going_on(drive.law, drive.clock_s), 0.0)[1])
-        if isinstance(drive.law, Course) and number in driven:
-            rates = curve_of(drive.law.table).derivative()(drive.law.table.x)
-            alike = abs(driven[number] - speed) <= ALIKE * max(map(abs, rates))
-            field = f"start.speed_{'rad_s' if drive.guide is None else 'm_s'}.{scene.driven}"
+    along: dict[Quantity, float] = {guides[name]: speed for name, speed in start.speed_m_s.items()}
+    if isinstance(law := of.drive.law, Motion):
+        rates, driven = speeds, bodies.get(scene.driven, of.drive.body)
+        if of.drive.guide is not None:
+            rates, driven = along, of.guides[of.drive.guide]
+        speed = float(moved(going_on(law, of.drive.clock_s), 0.0)[1])
+        if isinstance(law, Course) and driven in rates:
+            fastest = max(map(abs, curve_of(law.table).derivative()(law.table.x)))
+            field = f"start.speed_{'rad_s' if rates is speeds else 'm_s'}.{scene.driven}"
             expected = f"the speed of the drive's table when the scene begins, {speed:.4g}"
-            require(alike, field, expected, driven[number])
+            require(abs(rates[driven] - speed) <= ALIKE * fastest, field, expected, rates[driven])
         if speed or speeds or along:
-            driven[number] = speed
-    held_bodies = tuple(bodies[name] for name in held if name in bodies)
-    held_guides = tuple(guides[name] for name in held if name in guides)
-    return Told(angles, ways, held_bodies, held_guides, speeds, along)
+            rates[driven] = speed
+    names = held_at_start(scene)
+    held = [of[name] for of in (bodies, guides) for name in names if name in of]
+    held += [line for name in names for line in places.get(name, ())]
+    return Told(values, held, speeds | along)
 
 
 def held_at_start(scene: Scene) -> tuple[str, ...]:
     """Return the bodies and guides whose values are held.
 
-    Unless ``hold`` names them, it is what is driven, else the first body or guide told.
+    Unless ``hold`` names them, it is what is driven, else the first body or guide told; what is driven is
+    not held untold where a pin's place is told.
     """
-    if scene.start.hold or scene.drive.kind != "free":
-        return scene.start.hold or (scene.driven,)
-    told = [name for name in scene.body if name in scene.start.angle_rad]
-    return (*told, *scene.start.position_m)[:1]
+    start, told = scene.start, [name for name in scene.body if name in scene.start.angle_rad]
+    told += start.position_m
+    if start.hold or (scene.drive.kind != "free" and (scene.driven in told or not start.place_m)):
+        return start.hold or (scene.driven,)
+    return tuple(told[:1])

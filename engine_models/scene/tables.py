@@ -8,41 +8,24 @@ import csv
 import math
 from pathlib import Path
 
-from engine_models.scene.plain_words import shortened, shown
+from engine_models.scene.plain_words import BadInput, shortened, shown
 from engine_models.scene.units import NUMBER, converted
 
-#: More than any table needs, and any scene with two tables of that size in it.
-LARGEST_BYTES = {"a table": 1_000_000, "a scene": 5_000_000}
-#: Where a shell puts pipes that it has opened, which cannot keep us waiting for somebody to open them.
-OPENED = (Path("/dev/stdin"), Path("/dev/fd"))
 
-
-class BadFile(ValueError):
+class BadFile(BadInput):
     """A file cannot be read, or is no table; the message names it, what was expected and what came."""
 
 
-def read_text(path: Path, what: str) -> str:
-    """Return the text in a file, or in what the shell has opened: ``/dev/stdin``, ``/dev/fd/3``.
-
-    ``what`` it is to hold is a key of ``LARGEST_BYTES``. Raises BadFile where it cannot be read, is too large
-    or not UTF-8 text.
-    """
+def read_text(path: Path) -> str:
+    """Return the text in a file; raise BadFile where it cannot be read, or is not UTF-8 text."""
     try:
-        waits = not (path.is_file() or path.is_dir() or {path, path.parent} & {*OPENED})
-        if path.exists() and waits:
-            raise BadFile(f"{path}: expected a file that can be read, got a pipe or a device")
-        with path.open("rb") as file:
-            data = file.read(LARGEST_BYTES[what] + 1)
-        text = data.decode("utf-8-sig")  # Windows' editors put a mark first
+        return path.read_text(encoding="utf-8-sig")  # Windows' editors put a mark first
     except OSError as error:
-        name = shortened(str(path), 255)
-        raise BadFile(f"{name}: expected a file that can be read, got '{error.strerror}'") from None
+        name, came = shortened(str(path), 255), f"'{error.strerror}'"
+        raise BadFile(f"{name}: expected a file that can be read, got {came}") from None
     except UnicodeDecodeError as error:
         byte = f"byte 0x{error.object[error.start]:02x} at {error.start}"
         raise BadFile(f"{path}: expected UTF-8 text, got {byte}") from None
-    if len(data) > LARGEST_BYTES[what]:
-        raise BadFile(f"{path}: expected {what} of at most {LARGEST_BYTES[what]} bytes, got more")
-    return text
 
 
 def read_columns(path: Path, columns: tuple[str, ...]) -> dict[str, list[float]]:
@@ -50,7 +33,7 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> dict[str, list[float]]
 
     Raises BadFile where the file cannot be read, or is no table of these columns.
     """
-    content, named = read_text(path, "a table"), f"{columns[0]} and {' or '.join(columns[1:])}"
+    content, named = read_text(path), f"{columns[0]} and {' or '.join(columns[1:])}"
     first = content.partition("\n")[0]
     separator = ";" if first.count(";") > first.count(",") else ","
     reader = csv.reader(content.splitlines(), delimiter=separator, skipinitialspace=True)

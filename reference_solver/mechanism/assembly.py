@@ -6,7 +6,7 @@ closes what is open, joints with clearance taken as ideal. Velocities follow fro
 
 import math
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,20 +34,17 @@ RANK_TOLERANCE, SHARE = 1e-9, 1e-6
 START_TOLERANCE = 1e-9
 
 
+#: What may be told: the angle of a body, by its number, or the way along a guide, or a line like one.
+Quantity = int | Guide
+
+
 @dataclass(frozen=True)
 class Told:
-    """What is told of a start: rough values, which of them hold exactly, and speeds, by numbers.
+    """What is told of a start: rough values in rad or m, what holds exactly, and speeds in rad/s or m/s."""
 
-    Angles in rad and speeds in rad/s by the numbers of bodies, positions in m and speeds in m/s by those of
-    guides.
-    """
-
-    angle_rad: Mapping[int, float]
-    position_m: Mapping[int, float]
-    held_bodies: tuple[int, ...]
-    held_guides: tuple[int, ...]
-    speed_rad_s: Mapping[int, float]
-    speed_m_s: Mapping[int, float]
+    values: Mapping[Quantity, float]
+    held: Sequence[Quantity]
+    speeds: Mapping[Quantity, float]
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class Rank:
 
 
 class NotAssembled(ValueError):
-    """There is no such start; the message says what was expected of what, and what came."""
+    """There is no such start; the message says of which entry what was expected, and what came."""
 
 
 def rows_named(mechanism: Mechanism) -> list[tuple[str, str]]:
@@ -82,10 +79,7 @@ def rows_named(mechanism: Mechanism) -> list[tuple[str, str]]:
 
 
 class Joints:
-    """The rows of a mechanism's joints, taken as ideal, with their names; angles are measured from 0.
-
-    ``ways`` are those along the guides.
-    """
+    """The rows of a mechanism's joints, taken as ideal, with their names; angles are measured from 0."""
 
     def __init__(self, of: MechanismData, driven: bool = False) -> None:
         pins = tuple(replace(pin, clearance=None) for pin in of.pins)
@@ -106,27 +100,32 @@ class Joints:
         """Return [B] (m, n)."""
         return np.asarray(self._system(q).B, float)
 
-    def way_rows(self, q: FloatArray) -> FloatArray:
-        """Return the rows (g, n) that give from velocities the speeds along the guides."""
-        slides = [PrescribedSlide(*along(guide), ConstantSpeed(0.0)) for guide in self.data.guides]
-        return np.asarray(system_of(slides, State(q, self._still), self._still).B, float)
+    def told_rows(self, q: FloatArray, told: Iterable[Quantity]) -> FloatArray:
+        """Return the rows that give from velocities (n,) the rates of what is told."""
+        rows, still = [np.eye(self.n)[:0]], ConstantSpeed(0.0)
+        for it in told:
+            if isinstance(it, int):
+                rows.append(np.eye(self.n)[[3 * it + 2]])
+            else:
+                slide = PrescribedSlide(*along(it), still)
+                rows.append(np.asarray(system_of([slide], State(q, self._still), self._still).B, float))
+        return np.vstack(rows)
 
-    def told_rows(self, q: FloatArray, bodies: Iterable[int], guides: Iterable[int]) -> FloatArray:
-        """Return the rows that give from velocities the speeds at which bodies turn and along guides."""
-        return np.vstack([np.eye(self.n)[[3 * k + 2 for k in bodies]], self.way_rows(q)[list(guides)]])
+    def told(self, q: FloatArray, told: Iterable[Quantity]) -> FloatArray:
+        """Return the angles of bodies in rad and the ways along guides in m that are told."""
+        values = []
+        for it in told:
+            if isinstance(it, int):
+                values.append(q[3 * it + 2])
+            else:
+                _, _, direction, _, d = line_at(it, State(q, q))
+                values.append(direction @ d)
+        return np.array(values, float)
 
-    def told(self, q: FloatArray, bodies: Iterable[int], guides: Iterable[int]) -> FloatArray:
-        """Return angles of bodies and positions in m along guides."""
-        return np.concatenate([q[2::3][list(bodies)], self.ways(q)[list(guides)]])
-
-    def ways(self, q: FloatArray) -> FloatArray:
-        """Return the positions in m along the guides, (g,)."""
-        lines = (line_at(guide, State(q, q)) for guide in self.data.guides)
-        return np.array([along @ d for _, _, along, _, d in lines])
-
-    def names(self, bodies: Iterable[int], guides: Iterable[int]) -> list[str]:
+    def names(self, told: Iterable[Quantity]) -> list[str]:
         """Return the names of bodies and guides."""
-        return [*(self.data.bodies[k].name for k in bodies), *(self.data.guides[k].name for k in guides)]
+        names = [self.data.bodies[it].name if isinstance(it, int) else it.name for it in told]
+        return [*dict.fromkeys(names)]
 
     def lets_move(self, q: FloatArray, row: FloatArray) -> bool:
         """Return whether there are velocities for which a row (n,) is not 0."""
@@ -149,16 +148,14 @@ class Joints:
 class Assembled:
     """A start that was put together: q and v, (n,) each, its rank, and by how much it was moved.
 
-    ``turned_rad`` (b,) and ``moved_m`` (g,) are of bodies and guides, from the values told. ``drive_moves``
-    says whether the joints let move what the drive is on.
+    ``moved`` tells that in words. ``drive_moves`` says whether the joints let move what the drive is on.
     """
 
     q: FloatArray
     v: FloatArray
     rank: Rank
     drive_moves: bool
-    turned_rad: FloatArray
-    moved_m: FloatArray
+    moved: str
 
 
 def assemble(of: MechanismData, told: Told) -> Assembled:
@@ -168,17 +165,24 @@ def assemble(of: MechanismData, told: Told) -> Assembled:
         NotAssembled: the joints do not close, their rows depend on each other, or the speeds told are too
             many, too few or not what the joints allow.
     """
-    joints = Joints(of)
-    rough = hung(of, told)
-    q = _closed(joints, rough, told)
+    joints, ways = Joints(of), [it for it in told.values if not isinstance(it, int)]
+    rough, held = hung(of, told), dict[Quantity, float]()
+    for it in told.held:
+        held[it] = rough[3 * it + 2] if isinstance(it, int) else told.values.get(it, 0.0)
+    if places := [it for it in ways if it not in of.guides]:
+        rough = _near(joints, rough, held | {it: told.values[it] for it in places})
+    q = _closed(joints, rough, held)
     rank, own = joints.rank(q), Joints(replace(of, pins=of.ideal)).rank(q)
     if own.rank < own.rows:  # of joints with clearance rows are only taken for the start
-        raise NotAssembled(light(of.bodies) or dependence(own))
+        raise NotAssembled(f"start: {light(of.bodies) or dependence(own)}")
     v = _moving(joints, q, told, rank)
-    drive = of.drive
-    (row,) = joints.told_rows(q, *(([drive.body], []) if drive.guide is None else ([], [drive.guide])))
-    moved = joints.ways(q) - [told.position_m.get(k, 0.0) for k in range(len(of.guides))]
-    return Assembled(q, v, rank, joints.lets_move(q, row), (q - rough)[2::3], moved)
+    (row,) = joints.told_rows(q, [of.drive.body if of.drive.guide is None else of.guides[of.drive.guide]])
+    off, turned = joints.told(q, ways) - [told.values[it] for it in ways], (q - rough)[2::3]
+    moved = [(f"{body.name} turned by", turn, "rad") for body, turn in zip(of.bodies, turned, strict=True)]
+    for name in joints.names(ways):
+        moved.append((f"{name} moved by", float(np.linalg.norm(off[[it.name == name for it in ways]])), "m"))
+    words = ", ".join(f"{what} {abs(x):.3g} {unit}" for what, x, unit in moved if abs(x) > CLOSED)
+    return Assembled(q, v, rank, joints.lets_move(q, row), words or "nothing moved")
 
 
 def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
@@ -193,10 +197,10 @@ def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
     if not gaps.max(initial=0.0) <= START_TOLERANCE:
         name, unit = rows[int(gaps.argmax())]
         came = f"{name} open by {gaps.max():.3g} {unit}"
-        raise NotAssembled(f"expected joints that close, got {came}")
+        raise NotAssembled(f"start: expected joints that close, got {came}")
     if not speeds.max(initial=0.0) <= START_TOLERANCE * (1.0 + np.abs(v).max()):
         came = f"{rows[int(speeds.argmax())][0]} off by {speeds.max():.3g} m/s or rad/s"
-        raise NotAssembled(f"expected speeds that joints and drive allow, got {came}")
+        raise NotAssembled(f"start: expected speeds that joints and drive allow, got {came}")
 
 
 def dependence(rank: Rank) -> str:
@@ -208,53 +212,62 @@ def dependence(rank: Rank) -> str:
     )
 
 
-def _closed(joints: Joints, rough: FloatArray, told: Told) -> FloatArray:
-    """Return coordinates at which the joints are closed, near to rough ones."""
-    parts = told.held_bodies, told.held_guides
-    held = [*rough[2::3][list(parts[0])], *(told.position_m.get(k, 0.0) for k in parts[1])]
-    root, q = np.sqrt(joints.inverse_mass), np.array(rough)
-    length = max(1.0, np.abs(rough.reshape(-1, 3)[:, :2]).max())
+def _near(joints: Joints, rough: FloatArray, held: Mapping[Quantity, float]) -> FloatArray:
+    """Return coordinates near to rough ones, which close the joints and have the values held if any do."""
+    root, q, values = np.sqrt(joints.inverse_mass), np.array(rough), [*held.values()]
     for _ in range(MOST_STEPS):
-        open_by = np.concatenate([joints.gaps(q), joints.told(q, *parts) - held])
-        rows = np.vstack([joints.matrix(q), joints.told_rows(q, *parts)])
+        open_by = np.concatenate([joints.gaps(q), joints.told(q, held) - values])
+        rows = np.vstack([joints.matrix(q), joints.told_rows(q, held)])
         step = root * np.linalg.lstsq(rows * root, open_by, rcond=1e-10)[0]
         turn = np.abs(step[2::3]).max()
         q = q - step * min(1.0, LARGEST_TURN_RAD / max(turn, LARGEST_TURN_RAD))
-        if np.abs(step).max() < np.finfo(float).eps * length:
+        if np.abs(step).max() < np.finfo(float).eps * _length(rough):
             break
-    gaps, off = np.abs(joints.gaps(q)), np.abs(joints.told(q, *parts) - held)
-    if max(gaps.max(initial=0.0), off.max(initial=0.0)) <= CLOSED * length:
+    return q
+
+
+def _length(rough: FloatArray) -> float:
+    """Return the length of a mechanism, 1 m at least."""
+    return max(1.0, float(np.abs(rough.reshape(-1, 3)[:, :2]).max()))
+
+
+def _closed(joints: Joints, rough: FloatArray, held: Mapping[Quantity, float]) -> FloatArray:
+    """Return coordinates at which the joints are closed, near to rough ones."""
+    q = _near(joints, rough, held)
+    gaps, off = np.abs(joints.gaps(q)), np.abs(joints.told(q, held) - [*held.values()])
+    if max(gaps.max(initial=0.0), off.max(initial=0.0)) <= CLOSED * _length(rough):
         return q
     worst = "none open"
     if gaps.any():
         name, unit = joints.rows[int(gaps.argmax())]
         worst = f"{name} open by {gaps.max():.3g} {unit}"
     if held:
-        _closed(joints, rough, replace(told, held_bodies=(), held_guides=()))  # refuses what never closes
-        names = ", ".join(joints.names(*parts))
-        raise NotAssembled(f"expected held values ({names}) that the joints allow, got {worst}")
-    raise NotAssembled(f"expected joints that close, got {worst}")
+        _closed(joints, rough, {})  # refuses what never closes
+        names = ", ".join(joints.names(held))
+        raise NotAssembled(f"start.hold: expected held values ({names}) that the joints allow, got {worst}")
+    raise NotAssembled(f"start: expected joints that close, got {worst}")
 
 
 def _moving(joints: Joints, q: FloatArray, told: Told, rank: Rank) -> FloatArray:
     """Return velocities that the joints and the speeds told leave: all at rest if none is told."""
-    count = len(told.speed_rad_s) + len(told.speed_m_s)
+    count, speeds = len(told.speeds), np.array([*told.speeds.values()])
+    field = f"start.speed_{'rad_s' if any(isinstance(it, int) for it in told.speeds) else 'm_s'}"
     if count == 0:
         return np.zeros(joints.n)
     if count != rank.freedoms:
         freedoms = "1 degree of freedom" if rank.freedoms == 1 else f"{rank.freedoms} degrees of freedom"
-        raise NotAssembled(f"expected as many speeds as the joints leave, {freedoms}, got {count}")
-    B, parts = joints.matrix(q), (told.speed_rad_s, told.speed_m_s)
-    rows = np.vstack([B, joints.told_rows(q, *parts)])
-    speeds = np.array([*np.zeros(len(B)), *parts[0].values(), *parts[1].values()])
+        raise NotAssembled(f"{field}: expected as many speeds as the joints leave, {freedoms}, got {count}")
+    B = joints.matrix(q)
+    rows, rates = np.vstack([B, joints.told_rows(q, told.speeds)]), np.concatenate([np.zeros(len(B)), speeds])
     root = np.sqrt(joints.inverse_mass)
-    v: FloatArray = root * np.linalg.lstsq(rows * root, speeds, rcond=1e-10)[0]
-    off = np.abs(rows @ v - speeds)
+    v: FloatArray = root * np.linalg.lstsq(rows * root, rates, rcond=1e-10)[0]
+    off = np.abs(rows @ v - rates)
     if not off.max(initial=0.0) <= START_TOLERANCE * (1.0 + np.abs(speeds).max()):
         worst = int(off[len(B) :].argmax())
-        unit = "rad/s" if worst < len(told.speed_rad_s) else "m/s"
-        came = f"that of {joints.names(*parts)[worst]} off by {off[len(B) + worst]:.3g} {unit}"
-        raise NotAssembled(light(joints.data.bodies) or f"expected speeds that the joints allow, got {came}")
+        unit = "rad/s" if isinstance([*told.speeds][worst], int) else "m/s"
+        came = f"that of {joints.names(told.speeds)[worst]} off by {off[len(B) + worst]:.3g} {unit}"
+        why = f"expected speeds that the joints allow, got {came}"
+        raise NotAssembled(f"{field}: {light(joints.data.bodies) or why}")
     return v
 
 
@@ -263,7 +276,7 @@ def hung(of: MechanismData, told: Told) -> FloatArray:
     q = np.zeros(3 * len(of.bodies))
     q[2::3] = _told_angles(of, told)
     links: list[tuple[Pin | Line, float]] = [(pin, 0.0) for pin in of.pins]
-    links += [(guide, told.position_m.get(k, 0.0)) for k, guide in enumerate(of.guides)]
+    links += [(guide, told.values.get(guide, 0.0)) for guide in of.guides]
     done, waiting = {GROUND}, deque([GROUND])
     while waiting:
         here = waiting.popleft()
@@ -288,8 +301,8 @@ def _told_angles(of: MechanismData, told: Told) -> FloatArray:
 
     A body that keeps its angle in a guide has that of what the guide is on, but for a rest that was told.
     """
-    angles = np.array([told.angle_rad.get(body, 0.0) for body in range(len(of.bodies))])
-    known = {GROUND, *told.angle_rad}
+    angles = np.array([told.values.get(body, 0.0) for body in range(len(of.bodies))])
+    known: set[Quantity] = {GROUND, *told.values}
     for _ in of.guides:  # along rows of guides
         for guide in of.guides:
             i, j = guide.body_i, guide.body_j
@@ -299,9 +312,7 @@ def _told_angles(of: MechanismData, told: Told) -> FloatArray:
                 i, j = j, i
             own = 0.0 if i == GROUND else angles[i]
             if j != GROUND:
-                angles[j] = own + (
-                    math.remainder(angles[j] - own, 2 * math.pi) if j in told.angle_rad else 0.0
-                )
+                angles[j] = own + (math.remainder(angles[j] - own, 2 * math.pi) if j in told.values else 0.0)
             known.add(j)
     return angles
 

@@ -49,17 +49,13 @@ def judged(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
         UnsupportedScene, SimulationFailed: as the engine does, or there is no truth.
     """
     own = engine.twin(scene)
-    return (
-        _with_clearance(engine, scene, own, asked)
-        if own.joints_with_clearance
-        else _ideal(engine, own, asked)
-    )
+    return _with_clearance(engine, scene, own, asked) if own.clearances else _ideal(engine, own, asked)
 
 
 def _with_clearance(engine: Engine, scene: Scene, own: Scene, asked: RunSettings) -> Judged:
     run = engine.simulate(scene, replace(asked, at_s=times_between_s(own, asked.samples)))
     found = solved(own, asked.samples)
-    until_s = scene.end_time_s * (followed(own, asked.samples) - 1) / asked.samples
+    until_s = scene.end_time_s * (followed(own, asked.samples, judged=True) - 1) / asked.samples
     peaks = _peaks(own, selected(found.truth, found.truth.time_s <= until_s * (1 + ROUNDING)))
     equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
     if len(run.time_s) < len(equal):

@@ -61,6 +61,8 @@ def _a_place_off(start: Mapping[str, Any], places: float, of: str = "") -> dict[
     for name, value in start.items():
         if isinstance(value, Mapping):
             off[name] = _a_place_off(value, places, name)
+        elif isinstance(value, tuple) and of == "place_m":
+            off[name] = tuple(_place_off(name, each, places) for each in value)
         else:
             moves = isinstance(value, float) and name != "time_s"
             off[name] = (

@@ -54,7 +54,7 @@ def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatAr
         yield f"joint_{joint}_force_N", force
     for guide, normal in trajectory.guide_force_N.items():
         yield guide_column(scene, guide), normal
-    if scene.speed_is_prescribed and trajectory.driver_torque_N_m is not None:
+    if scene.mechanism.drive.prescribes and trajectory.driver_torque_N_m is not None:
         along = scene.mechanism.drive.guide is not None
         yield "driver_force_N" if along else "driver_torque_N_m", trajectory.driver_torque_N_m
     for joint, contact in trajectory.contacts.items():

@@ -84,5 +84,5 @@ def test_a_table_comes_back_as_it_was_written_and_is_left_by_other_numbers(
 def test_a_damaged_table_is_refused(tmp_path: Path) -> None:
     for text in ("", "scene,engine\na,b\n", '"'):
         (tmp_path / baselines.FILE).write_text(text)
-        with pytest.raises(BadInput, match=r"baselines: expected .*baselines\.csv, got"):
+        with pytest.raises(BadInput, match=r"folder: expected .*baselines\.csv, got"):
             read(tmp_path)

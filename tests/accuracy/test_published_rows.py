@@ -7,8 +7,7 @@ from random import Random
 import pytest
 
 from reports.results import published_rows, read_study
-from studies.case import Case, Row, load_study, run_case
-from studies.registry import STUDIES
+from studies.case import STUDIES, Case, Row, load_study, run_case
 
 RESULTS = Path(__file__).parents[2] / "reports/published/results"
 #: Rows drawn of each study; the commit that they were made from is the seed.
@@ -45,7 +44,7 @@ def test_rows_drawn_by_lot_come_out_again(study: str) -> None:
     for case, before in drawn(study):
         after, _ = run_case(case)
         assert after["status"] == before["status"]
-        loose = bool(case.scene.joints_with_clearance)
+        loose = bool(case.scene.clearances)
         part = FACTORS.get(case.engine, PAST_IMPACTS if loose else 1 + SMOOTH) - 1
         for name in (name for name in after if "_error_" in name and study not in CHAOTIC):
             value, known = number(after, name), number(before, name)

@@ -8,8 +8,8 @@ import crankslider as cs
 from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from reports.results import published_rows
+from studies.case import STUDIES
 from studies.judges.columns import impact_columns, sample_columns
-from studies.registry import STUDIES
 from tests.docs.pages import ROOT, table
 from tests.scenes import scene
 
@@ -60,7 +60,7 @@ def test_the_columns_of_runs_are_those_on_the_page() -> None:
         words = {
             "OBSERVED": observed,
             "BODY": of.mechanism.names,
-            "JOINT": of.joints,
+            "JOINT": [pin.name for pin in of.mechanism.pins],
             "NAME": parts,
             "MARKER": of.markers,
         }

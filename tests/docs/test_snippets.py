@@ -16,7 +16,7 @@ from typer.main import get_command
 from crankslider.command import make_app
 from engine_models import engines
 from engine_models.scene.scene import Scene
-from studies.registry import STUDIES
+from studies.case import STUDIES
 from tests.docs.pages import EXAMPLES, PAGES, ROOT, Block, blocks
 from tests.helpers.command import crankslider
 

@@ -18,6 +18,7 @@ from tests.engines.mechanism_texts import QUICK_RETURN, SCOTCH_YOKE
 from tests.engines.mechanism_texts import scene as mechanism
 from tests.engines.runs import errors, impact_numbers
 from tests.helpers.arrays import arrays
+from tests.helpers.crank_sliders import crank_slider
 from tests.helpers.ideal_crank_slider import exact
 from tests.scenes import scene
 
@@ -85,7 +86,7 @@ def test_a_damper_too_strong_for_the_step_is_a_failure_with_its_time() -> None:
 
 def weighed(of: Scene, rod: float, slider: float) -> Scene:
     """Return the scene with rod and slider so many times as heavy."""
-    _, link, block = of.crank_slider()
+    _, link, block = crank_slider(of)
     heavier = {"rod.mass_kg": rod * link.mass_kg, "rod.inertia_kg_m2": rod * link.inertia_kg_m2}
     return until(of, 0.024, **heavier, **{"slider.mass_kg": slider * block.mass_kg})
 
@@ -197,7 +198,7 @@ def test_what_needs_steps_of_one_length_is_refused(name: str, settings: dict[str
 def rubbing(of: Scene) -> Scene:
     """Return the scene with the same saturated friction in all its joints with clearance."""
     friction = {"law": "saturated-linear", "coefficient": 0.1, "regularisation_speed_m_s": 0.01}
-    return of.replace({f"clearance.{joint}.friction": friction for joint in of.joints_with_clearance})
+    return of.replace({f"clearance.{joint}.friction": friction for joint in of.clearances})
 
 
 @pytest.mark.parametrize(
@@ -210,7 +211,7 @@ def rubbing(of: Scene) -> Scene:
 def test_every_native_bounce_has_the_scenes_restitution(name: str, e: float) -> None:
     of = SCENES[name]()
     of = until(of, 2e-3 if "driven" in name else 0.02)
-    of = of.replace({f"clearance.{joint}.restitution": e for joint in of.joints_with_clearance})
+    of = of.replace({f"clearance.{joint}.restitution": e for joint in of.clearances})
     for joint, contact in run(of, 20_000).contacts.items():
         impacts = contact.impacts
         bounced = (impacts.duration_s == 0) & (impacts.approach_speed_m_s > 0.1)

@@ -21,6 +21,7 @@ from engine_models.mechanics.states import observed
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import ideal_free
 from engine_models.scene.scene import Scene
+from tests.helpers.crank_sliders import crank_slider
 
 SHARP = ReferenceEngine(method="dop853", step_tolerance=1e-12)
 #: What runs by DOP853 at 1e-12 leave of the energy in play.
@@ -61,7 +62,7 @@ class Path(NamedTuple):
 
 def path(of: Scene, angle: float) -> Path:
     """Return where bodies are by the crank's angle from the guide, with derivatives by it."""
-    crank, rod, slider = of.crank_slider()
+    crank, rod, slider = crank_slider(of)
     r, length, h = crank.length_m, rod.length_m, slider.guide_offset_m or 0.0
     sine = (h - r * math.sin(angle)) / length
     phi = math.asin(sine)

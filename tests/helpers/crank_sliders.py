@@ -1,8 +1,9 @@
-"""Unusual crank-sliders: one that is held, and a pendulum."""
+"""Crank-sliders by their parts, and unusual ones: one that is held, and a pendulum."""
 
 import numpy as np
 
 from engine_models.scene.scene import Scene
+from engine_models.scene.short import Link, Slider
 
 #: A crank that is held while a load pushes the slider.
 HELD = Scene.checked(
@@ -26,3 +27,11 @@ def pendulum() -> Scene:
     return Scene.checked(
         {"name": "p", "end_time_s": 1.0, "gravity_m_s2": 9.81, "crank": link, "start": start, "drive": drive}
     )
+
+
+def crank_slider(scene: Scene) -> tuple[Link, Link, Slider]:
+    """Return crank, rod and slider of a scene that is written as a crank-slider."""
+    rod, slider = scene.short.rod, scene.short.slider
+    assert rod is not None
+    assert slider is not None
+    return scene.short.crank, rod, slider

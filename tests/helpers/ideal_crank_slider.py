@@ -19,6 +19,7 @@ from scipy.interpolate import CubicSpline
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene.scene import Scene
+from tests.helpers.crank_sliders import crank_slider
 
 TURN = 2 * np.pi
 #: Of SciPy's DOP853, and the fewest pieces that a run is cut into.
@@ -45,7 +46,7 @@ def configuration(scene: Scene, theta: FloatArray) -> tuple[FloatArray, FloatArr
 
 def _coordinates(scene: Scene, theta: Any, of: Any) -> tuple[Rows, Rows, Rows]:
     """Return the nine rows of ``configuration`` with the functions of ``of``: numpy, or math for a number."""
-    crank, rod, _ = scene.crank_slider()
+    crank, rod, _ = crank_slider(scene)
     r, length = crank.length_m, rod.length_m
     s, d = crank.centre_of_mass_m, rod.centre_of_mass_m
     cos, sin = of.cos(theta), of.sin(theta)
@@ -199,7 +200,7 @@ def _motion(scene: Scene, time_s: FloatArray) -> tuple[FloatArray, FloatArray, F
     start, parts = scene.short.start, list(load_parts(scene).values())
     motor = drive_torque(scene) if scene.drive.kind == "motor" else None
     sums = len(parts) + (motor is not None)
-    prescribed, knots = prescribed_motion(scene) if scene.speed_is_prescribed else (None, ())
+    prescribed, knots = prescribed_motion(scene) if scene.mechanism.drive.prescribes else (None, ())
     free = crank_acceleration(scene, math)
 
     def along(theta: float, speed: float) -> list[float]:
@@ -248,7 +249,7 @@ def exact(scene: Scene, samples: int) -> Trajectory:
     """Return the motion of ideal joints with a rod longer than the crank at equally spaced times."""
     assert scene.short.rod is not None
     assert scene.short.rod.length_m > scene.short.crank.length_m
-    assert not scene.joints_with_clearance
+    assert not scene.clearances
     time = np.linspace(0.0, scene.end_time_s, samples + 1)
     theta, speed, theta_2, sums = _motion(scene, time)
     X, X_1, X_2 = configuration(scene, theta)
@@ -263,7 +264,7 @@ def exact(scene: Scene, samples: int) -> Trajectory:
         work = scene.drive.torque_N_m * (theta - theta[0])
     elif scene.drive.kind == "motor":
         work, torque = sums[-1], drive_torque(scene)(speed)
-    elif scene.speed_is_prescribed:
+    elif scene.mechanism.drive.prescribes:
         m, g = masses(scene), -scene.mechanism.gravity_m_s2[1]
         energy = np.sum(m * velocity**2, axis=(1, 2)) / 2 + g * np.sum(m[:, 0] * X[:, :, 1], axis=1)
         work = energy - energy[0] - sum(works.values())
@@ -271,7 +272,7 @@ def exact(scene: Scene, samples: int) -> Trajectory:
         time_s=time,
         position=X,
         velocity=velocity,
-        joint_force_N=dict(zip(scene.joints, joint_force.swapaxes(0, 1), strict=True)),
+        joint_force_N={pin.name: joint_force[:, k] for k, pin in enumerate(scene.mechanism.pins)},
         guide_force_N={"guide": guide_force},
         guide_moment_N_m={"guide": np.zeros(len(time))},
         driver_torque_N_m=None if work is None else torque,
@@ -293,7 +294,7 @@ def _reactions(
     )  # every force but the joints' moved left
     inertial[:, 2, 0] -= load_N
     crank, rod, slider = (inertial[:, i] for i in range(3))
-    _, link, _ = scene.crank_slider()
+    _, link, _ = crank_slider(scene)
     length, d = link.length_m, link.centre_of_mass_m
     s = scene.short.crank.centre_of_mass_m
     cos, sin = np.cos(X[:, 1, 2]), np.sin(X[:, 1, 2])

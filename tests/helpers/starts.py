@@ -19,7 +19,7 @@ def started_from(
     keys, bodies = BodyState.model_fields, zip(position.tolist(), velocity.tolist(), strict=True)
     states = [dict(zip(keys, [*x, *v], strict=True)) for x, v in bodies]
     start: dict[str, object] = dict(zip(scene.mechanism.names, states, strict=True))
-    own_speed = not scene.speed_is_prescribed or scene.drive.kind == "table"  # others' is the drive's
+    own_speed = not scene.mechanism.drive.prescribes or scene.drive.kind == "table"  # others' is the drive's
     start["time_s"] = scene.start.time_s + time_s
     if scene.is_short:
         start["crank_angle_rad"] = float(position[0, 2])

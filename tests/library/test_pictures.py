@@ -15,9 +15,10 @@ from PIL import Image
 
 import crankslider as cs
 from engine_models.engine import FloatArray
+from engine_models.progress import tell
 from engine_models.scene.file import load
 from engine_models.scene.library import MECHANISMS
-from reports.film import LONGEST_ARROW, Stage
+from reports.film import LONGEST_ARROW, Stage, film_bytes
 
 #: Drawn is what a double has: the slider's place and gaps are differences of coordinates below 1 m.
 ROUND_OFF_MM = 1e-9
@@ -33,6 +34,10 @@ def run() -> cs.Run:
 def stage(run: cs.Run, exaggerate: float = 1.0) -> Stage:
     """Return the figure of a film of all samples."""
     return Stage(run.scene, run.trajectory, exaggerate)
+
+
+def film(run: cs.Run, ending: str, exaggerate: float) -> bytes:
+    return film_bytes(run.scene, run.trajectory, exaggerate, ending, tell)
 
 
 def along(angle_rad: object) -> FloatArray:
@@ -124,7 +129,7 @@ def test_bodies_are_polygons_bars_or_blocks() -> None:
 @pytest.mark.parametrize("scene", [*MECHANISMS, ON_A_TABLE], ids=[*MECHANISMS, "table"])
 def test_every_mechanism_has_its_pictures(scene: Any) -> None:
     run = cs.simulate(scene, end=0.005, samples=3)
-    assert run.film(".html", 10.0).count(b'"iVBOR') == 4
+    assert film(run, ".html", 10.0).count(b'"iVBOR') == 4
     drawn = stage(run, 10.0)
     for name, arrows in drawn.arrows.items():
         force = drawn.forces[name][1]
@@ -141,17 +146,17 @@ def test_every_mechanism_has_its_pictures(scene: Any) -> None:
 
 
 def test_a_film_moves(run: cs.Run) -> None:
-    film = Image.open(BytesIO(run.film(".gif", 20.0)))
-    assert 0 < film.n_frames - 1 <= len(run.frame)  # type: ignore[attr-defined]
+    moving = Image.open(BytesIO(film(run, ".gif", 20.0)))
+    assert 0 < moving.n_frames - 1 <= len(run.frame)  # type: ignore[attr-defined]
     pictures = []
     for k in range(3):
-        film.seek(k)
-        pictures.append(np.asarray(film.convert("RGB")))
+        moving.seek(k)
+        pictures.append(np.asarray(moving.convert("RGB")))
     assert all((one != other).any() for one, other in pairwise(pictures))
 
 
 def test_a_page_holds_its_whole_film_and_needs_nothing_else(run: cs.Run) -> None:
-    page = run.film(".html", 1.0).decode("utf-8")
+    page = film(run, ".html", 1.0).decode("utf-8")
     assert page.count('"iVBOR') == len(run.frame)
     assert "http" not in page
     assert f'max="{len(run.frame) - 1}"' in page

@@ -17,7 +17,7 @@ from reports import accuracy_ideal, answer, cost, energy, extremes, predictabili
 from reports.contents import CHAPTERS
 from reports.page import HALF_WIDTH, MOST, Claim
 from reports.results import Results, Studies, frame, read_study
-from studies.registry import STUDIES
+from studies.case import STUDIES
 from tests.helpers.row_files import row
 
 SCENE = "ideal-free"

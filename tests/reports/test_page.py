@@ -24,8 +24,7 @@ from reports.page import (
     write_report,
 )
 from reports.results import NoResults, frame, read_study
-from studies.case import load_study
-from studies.registry import STUDIES
+from studies.case import STUDIES, load_study
 from studies.store import FILE
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal

@@ -16,8 +16,7 @@ from reports.page import FINDINGS, write_report
 from reports.publication import FIGURES, README, answer_of, certain, costs_of, tell, write_study
 from reports.results import FACTS, published_rows
 from studies import accuracy
-from studies.case import LIMIT_S, Case, load_study, project_code, run_case
-from studies.registry import STUDIES
+from studies.case import LIMIT_S, STUDIES, Case, load_study, project_code, run_case
 from studies.store import Store
 from studies.workers import Pool
 from tests.helpers.row_files import write_rows
@@ -29,7 +28,7 @@ MOST_BYTES = 5_000_000
 #: the last place, which moves an error by some multiple of the truth's own uncertainty, itself round-off.
 AGREEMENT, UNCERTAINTIES = 1e-3, 100
 SCENES = groupby(
-    (case for case in accuracy.cases(full=False) if not case.scene.joints_with_clearance),
+    (case for case in accuracy.cases(full=False) if not case.scene.clearances),
     key=lambda case: (case.scene.name, case.arm.label),
 )
 CASES = [next(cases) for _, cases in SCENES]

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 from matplotlib.collections import PathCollection
 
-from reports.run_figures import NoPicture, sweep_picture
+from reports.run_figures import sweep_picture
+from studies.failures import BadInput
 
 CLEARANCE, SPEED = "clearance.B.radial_clearance_m", "start.crank_speed_rad_s"
 FORCE = "largest_contact_force_N"
@@ -36,7 +37,7 @@ def test_over_two_fields_each_place_has_the_colour_of_the_mean_of_its_members() 
 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
-    with pytest.raises(NoPicture, match="expected one or two fields that differ, got 0"):
+    with pytest.raises(BadInput, match="expected one or two fields that differ, got 0"):
         sweep_picture(GRID, [], "scene")
-    with pytest.raises(NoPicture, match="expected members with a number in flight_part, got none"):
+    with pytest.raises(BadInput, match="expected members with a number in flight_part, got none"):
         sweep_picture(GRID, [CLEARANCE], "scene", "flight_part")

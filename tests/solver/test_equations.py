@@ -22,6 +22,7 @@ from engine_models.scene.short import CrankLoad, assembled
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contacts import CONTACT, exponent_of, stiffness_of
 from reference_solver.tape import Node, Scalar, Tape, Value
+from tests.helpers.crank_sliders import crank_slider
 from tests.helpers.ideal_crank_slider import configuration, crank_acceleration
 
 #: Parts of the largest: what the tape and the independent numbers differ by, since a depth of a micrometre is
@@ -141,7 +142,7 @@ def ideal() -> Written:
 
     Accelerations are those of one coordinate. Forces are held to Newton's and Euler's laws body by body.
     """
-    crank, rod, _ = ideal_free().crank_slider()
+    crank, rod, _ = crank_slider(ideal_free())
     load = {"slider": CrankLoad(spring_N_m=300.0, free_position_m=0.12, viscous_N_s_m=2.0)}
     shifted = {"crank.centre_of_mass_m": 0.02, "rod.centre_of_mass_m": 0.05}
     scene = ideal_free().replace(shifted).model_copy(update={"load": load})

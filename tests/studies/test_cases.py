@@ -8,8 +8,7 @@ from engine_models import arms
 from engine_models.arms import Arm
 from engine_models.engines import make_engine
 from engine_models.pymunk.engine import PymunkEngine
-from studies.case import Case, load_study
-from studies.registry import STUDIES
+from studies.case import STUDIES, Case, load_study
 
 #: What a study may add to an arm beside its tolerances: it resolves contacts.
 RESOLVING = {"iterations", "steps_per_contact"}

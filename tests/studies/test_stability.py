@@ -12,6 +12,7 @@ from reference_solver.mechanism.contacts import stiffness_of
 from studies import stability
 from studies.case import Case
 from studies.stability import ERROR, GAIN, LOSS, VIOLATION, first_impact
+from tests.helpers.crank_sliders import crank_slider
 
 
 def the_case(engine: str, arm: str, step_s: float, factor: float = 1.0) -> Case:
@@ -30,7 +31,7 @@ def test_a_hertz_bounce_has_the_limit_of_0_702_and_0_496_of_its_duration() -> No
     # Stiff: far above any gravity or inertia force while in contact: the closed form of the free bounce.
     scene = the_case("reference", "located", 1e-5, 1000.0).scene
     energy, frequency = first_impact(scene)
-    clearance, slider = scene.clearance["B"], scene.crank_slider()[2]
+    clearance, slider = scene.clearance["B"], crank_slider(scene)[2]
     assert clearance is not None
     speed = sqrt(2 * energy / slider.mass_kg)
     depth = (5 * slider.mass_kg * speed**2 / (4 * stiffness_of(clearance))) ** 0.4

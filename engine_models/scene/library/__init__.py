@@ -4,21 +4,16 @@ Set R is the literature's standard case, set F its free counterpart. A file with
 that scene but for its own. The rigid scenes are those with clearance between walls that do not give.
 """
 
-import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+from engine_models.scene.file import entries
 from engine_models.scene.format import Clearance, Friction
 from engine_models.scene.scene import Scene
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
-
-FOLDER = Path(__file__).parent
+TEXTS = {file.stem: file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("*.toml"))}
 Makers = Mapping[str, Callable[[], Scene]]
 IDEAL = ("free", "driven", "torque", "fluctuating", "compressor")
 LOOSE = (
@@ -26,7 +21,7 @@ LOOSE = (
     *("free-0.5mm", "free-OAB", "pendulum", "start-up", "compressor"),
 )
 #: The literature's bearing: steel on steel, 10 mm, restitution 0.9.
-BEARING_RADIUS_M, STEEL = 0.01, ("young_modulus_Pa", "poisson_ratio")
+BEARING_RADIUS_M, STEEL = 0.01, {"young_modulus_Pa": 207e9, "poisson_ratio": 0.3}
 
 
 def _entries(name: str) -> dict[str, Any]:
@@ -35,28 +30,28 @@ def _entries(name: str) -> dict[str, Any]:
         own = _entries(name.replace("rigid", "clearance"))
         for joint, room in own["clearance"].items():
             kept = {key: value for key, value in room.items() if key not in STEEL}
-            own["clearance"][joint] = {**kept, "law": "rigid"}
+            own["clearance"][joint] = kept | {"law": "rigid"}
         return {**own, "name": name}
-    own = tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
+    own = entries(TEXTS[name])
     return {**(_entries(own.pop("base")) if "base" in own else {}), "name": name, **own}
 
 
-def _makers(kind: str, names: Iterable[str]) -> Makers:
-    """Return what makes each scene of a kind, described by the first line of its file."""
-    makers = dict[str, Callable[[], Scene]]()
-    for name in (f"{kind}{name}" for name in names):
-        file = FOLDER / f"{name.replace('rigid', 'clearance')}.toml"
-        about = file.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ").rstrip(".")
-        makers[name] = cache(partial(lambda name: Scene.checked(_entries(name)), name))
-        makers[name].__doc__ = f"{about}; rigid contact." if kind == "rigid-" else f"{about}."
+def _makers(*names: str) -> Makers:
+    """Return what makes each scene, described by the first line of its file."""
+    makers = {name: cache(partial(lambda name: Scene.checked(_entries(name)), name)) for name in names}
+    for name, make in makers.items():
+        about = TEXTS[name.replace("rigid", "clearance")].partition("\n")[0].removeprefix("# ").rstrip(".")
+        make.__doc__ = f"{about}; rigid contact." if name.startswith("rigid") else f"{about}."
     return makers
 
 
-IDEAL_SCENES, CLEARANCE_SCENES = _makers("ideal-", IDEAL), _makers("clearance-", LOOSE)
-RIGID_SCENES = _makers("rigid-", LOOSE)
+IDEAL_SCENES, CLEARANCE_SCENES, RIGID_SCENES = (
+    _makers(*(f"{kind}-{name}" for name in names))
+    for kind, names in (("ideal", IDEAL), ("clearance", LOOSE), ("rigid", LOOSE))
+)
 SCENES: Makers = {**IDEAL_SCENES, **CLEARANCE_SCENES, **RIGID_SCENES}
 #: Scenes of mechanisms other than a plain crank-slider or pendulum.
-MECHANISMS = _makers("", sorted({file.stem for file in FOLDER.glob("*.toml")} - SCENES.keys()))
+MECHANISMS = _makers(*(name for name in TEXTS if name not in SCENES))
 ALL_SCENES: Makers = {**SCENES, **MECHANISMS}
 #: Scenes that tests and studies begin with.
 ideal_free, ideal_driven, ideal_torque, _, ideal_compressor = IDEAL_SCENES.values()
@@ -67,5 +62,4 @@ def clearance(
 ) -> Clearance:
     """Return a radial clearance with Hertz's stiffness of steel, and a coefficient of restitution."""
     own = {"radial_clearance_m": c_m, "law": law, "restitution": e, "friction": friction}
-    steel = {"bearing_radius_m": BEARING_RADIUS_M, "young_modulus_Pa": 207e9, "poisson_ratio": 0.3}
-    return Clearance.checked(own | steel)
+    return Clearance.checked(own | STEEL | {"bearing_radius_m": BEARING_RADIUS_M})

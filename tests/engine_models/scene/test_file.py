@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine_models.scene.file import SceneError, load
+from engine_models.scene.file import load
 from engine_models.scene.library import MECHANISMS, SCENES, ideal_free
-from engine_models.scene.tables import LARGEST_BYTES
 from tests.helpers.command import crankslider
 
 TEXT = ideal_free().to_toml()
@@ -39,24 +38,6 @@ def test_a_pipe_that_a_shell_has_opened_is_read() -> None:
         file.write(TEXT)
         file.close()
         assert load(Path(f"/dev/fd/{reader}")) == ideal_free()
-
-
-def test_no_file_is_waited_for_or_read_beyond_the_largest_scene(tmp_path: Path) -> None:
-    pipe, large, device = tmp_path / "pipe", tmp_path / "large", Path("/dev/zero")
-    os.mkfifo(pipe)
-    large.write_text(TEXT)
-    os.truncate(large, 10**12)  # all of it would not fit in memory
-    with device.open("rb") as file:
-        endless = Path(f"/dev/fd/{file.fileno()}")
-        too_large = f"a scene of at most {LARGEST_BYTES['a scene']} bytes, got more"
-        for path, expected in (
-            (pipe, "a file that can be read, got a pipe or a device"),
-            (device, "a file that can be read, got a pipe or a device"),
-            (large, too_large),
-            (endless, too_large),
-        ):
-            with pytest.raises(SceneError, match=f"^{path}: expected {expected}$"):
-                load(path)
 
 
 def test_a_file_that_is_not_utf_8_is_refused_by_its_first_such_byte(tmp_path: Path) -> None:

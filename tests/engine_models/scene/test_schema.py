@@ -21,7 +21,6 @@ VALUES: dict[str, dict[str, list[Any]]] = {
         "gravity_m_s2": ["1 g_0", [0, "-1 g_0"]],
         "drive": [
             {"kind": "table", "file": "drive.csv"},
-            {"kind": "table"},
             {"kind": "tabel"},
             {"kind": "torque", "torque_N_m": True},
         ],
@@ -42,7 +41,6 @@ VALUES: dict[str, dict[str, list[Any]]] = {
             {"kind": "torque", "file": "a.csv"},
             {"kind": "motor", "file": "a.csv"},
             {"kind": "belt"},
-            {"kind": "torque"},
         ],
         "gravity_m_s2": [[0, "-1 g_0"]],
         "spring": [{"s": {"between": ["ground.O"], "stiffness_N_m": 1, "free_length_m": 1}}],
