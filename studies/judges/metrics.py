@@ -45,7 +45,7 @@ def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatAr
     pins in their bearings, are vectors, (n, 2). The driver torque is compared only where it is a reaction:
     under a prescribed speed.
     """
-    if scene.is_short and not scene.is_crank_slider:
+    if scene.is_short and "rod" not in scene.body:
         yield "crank_angle_rad", trajectory.position[:, 0, 2]
         yield "crank_speed_rad_s", trajectory.velocity[:, 0, 2]
     else:
