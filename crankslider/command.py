@@ -83,7 +83,8 @@ def with_options(function: Callable[..., None], paths: Sequence[str]) -> Callabl
     parameters = dict[str, inspect.Parameter]()
     for each in (*map(of_library, paths), function):
         arguments = inspect.signature(inspect.unwrap(each)).parameters
-        parameters |= {name: option(arguments[name], text) for name, text in described(each)[1].items()}
+        texts = described(each)[1] | ({"as_json": "print JSON."} if "as_json" in arguments else {})
+        parameters |= {name: option(arguments[name], text) for name, text in texts.items()}
     quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=QUIET)
 
     def run(quiet: bool, **values: Any) -> None:
@@ -156,11 +157,7 @@ def print_rows(rows: Sequence[Sequence[str]]) -> None:
 
 
 def scenes(as_json: bool = False) -> None:
-    """List the scenes of the library.
-
-    Args:
-        as_json: print JSON.
-    """
+    """List the scenes of the library."""
     from engine_models.scene.library import ALL_SCENES
 
     rows = [("scene", "drive", "clearance", "end time", "about")]
@@ -179,7 +176,6 @@ def engines(name: str | None = None, as_json: bool = False) -> None:
 
     Args:
         name: describe this engine in full.
-        as_json: print JSON.
     """
     from engine_models.engine import UnsupportedScene
     from engine_models.engines import ENGINES, engine_class
@@ -216,15 +212,11 @@ def show(given: Given) -> None:
 def check(given: Given) -> None:
     """Tell freedoms and start of a mechanism, singular positions, dead centres, transmission angles."""
     from crankslider.library import refusing
-    from engine_models.engine import ImpossibleStart
     from engine_models.reference.inspection import inspect
 
     physics = given.to("read_scene")
     with refusing(), progress(physics.end_time_s):
-        try:
-            print("\n".join(inspect(physics)))
-        except ImpossibleStart as reason:
-            raise BadInput(str(reason)) from None
+        print("\n".join(inspect(physics)))
 
 
 def schema() -> None:
@@ -278,11 +270,7 @@ def run(given: Given) -> None:
 
 
 def compare(given: Given, as_json: bool = False) -> None:
-    """Compare engines on a scene: which configuration and setting to use, with its error and run time.
-
-    Args:
-        as_json: print JSON.
-    """
+    """Compare engines on a scene: which configuration and setting to use, with its error and run time."""
     from reports.standings import standings_table
 
     changes = [f"--with {quote('='.join(change))}" for change in given.get("changes", {}).items()]
@@ -309,26 +297,28 @@ def conform(
         name: an engine, or your own: my_module:MyEngine.
         table: a CSV table of another solver in place of an engine.
         table_scene: the scene that the table is of.
-        as_json: print JSON.
     """
     from rich.progress import track
 
-    from crankslider.library import verdicts_on, verdicts_on_table
+    from crankslider.library import join_engines, verdicts_on_table
+    from engine_models.engines import make_engine
+    from studies.conform import verdicts
 
     if (name is None) == (table is None) or (table_scene is None) != (table is None):
         raise BadInput("NAME: expected an engine, or --from FILE.csv with --scene SCENE, got another call")
-    checks = verdicts_on(name) if name else verdicts_on_table(str(table), str(table_scene))
-    verdicts = [*track(checks, name or table or "", None, console=progress_console(), transient=True)]
+    join_engines([name] if name else [])
+    checks = verdicts(make_engine(name)) if name else verdicts_on_table(str(table), str(table_scene))
+    made = [*track(checks, name or table or "", None, console=progress_console(), transient=True)]
     if as_json:
-        print(json.dumps([each._asdict() for each in verdicts], indent=2))
-    for claim in () if as_json else dict.fromkeys(each.claim for each in verdicts):
-        ones = [each for each in verdicts if each.claim == claim]
+        print(json.dumps([each._asdict() for each in made], indent=2))
+    for claim in () if as_json else dict.fromkeys(each.claim for each in made):
+        ones = [each for each in made if each.claim == claim]
         wrong = [each for each in ones if not each.holds]
         held = f"{len(ones) - len(wrong)} of {len(ones)} scenes" if ones[0].scene else ones[0].measured
         print(f"{'FAILS' if wrong else 'holds'}  {claim}: {held}")
         for each in wrong if ones[0].scene else ():
             print(f"         {each.scene}: {each.measured}")
-    if not all(each.holds for each in verdicts):
+    if not all(each.holds for each in made):
         raise Failed(f"{name or table} does not pass all checks")
 
 
@@ -341,7 +331,6 @@ def baseline(
         name: an engine alone, or your own: my_module:MyEngine.
         folder: folder of that engine's baselines.
         accept: accept the numbers as they are, for this reason.
-        as_json: print JSON.
     """
     from crankslider.library import join_engines
     from engine_models.arms import NAMED as ALL
@@ -365,21 +354,16 @@ def report(results: str = "results", out: str = "report", against: str | None = 
     from pandas import DataFrame
 
     from reports.contents import CHAPTERS
-    from reports.page import Contradiction, read_claims, require_replaceable, write_report
+    from reports.page import read_claims, require_replaceable, write_report
     from studies.whole_file import whole_folder
 
     place = Path(out)
-    try:
+    with writing("against", Path(against or "")):
         before = read_claims(Path(against)) if against else {}
-    except (OSError, ValueError, LookupError, TypeError) as reason:
-        raise BadInput(f"against: expected the folder of a report, got '{reason}'") from None
     with writing("out", place):
         require_replaceable(place)
-        try:
-            with whole_folder(place) as new:
-                made = write_report(Path(results), new, CHAPTERS)
-        except Contradiction as reason:
-            raise Failed(str(reason)) from None
+        with whole_folder(place) as new:
+            made = write_report(Path(results), new, CHAPTERS)
     for note in made.notes:
         log.info(note)
     if against:

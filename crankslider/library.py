@@ -1,6 +1,8 @@
 """The functions of the library: each checks its arguments once, and the commands call no others.
 
-What a docstring says of an argument is the help of the option of a command.
+All raise ``BadInput`` for an argument, a scene or a file that is refused, and for an engine that cannot run
+the scene; ``Failed``, which says when and why, for work that breaks down. What a docstring says of an
+argument is the help of the option of a command.
 """
 
 import os
@@ -20,7 +22,14 @@ import numpy as np
 from pydantic import Field, InstanceOf
 
 from crankslider.run import Comparison, Run, Sweep, picture, require_file, require_outputs, write_file
-from engine_models.engine import MOST_SAMPLES, Engine, RunSettings, SimulationFailed, UnsupportedScene
+from engine_models.engine import (
+    MOST_SAMPLES,
+    Engine,
+    ImpossibleStart,
+    RunSettings,
+    SimulationFailed,
+    UnsupportedScene,
+)
 from engine_models.engines import join, make_engine
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
 from engine_models.scene.file import load as load_scene
@@ -64,11 +73,7 @@ SHORTEST_STEP_PART = 1e-12
 
 @check_arguments
 def load(path: Place) -> Scene:
-    """Return the scene in a TOML file.
-
-    Raises:
-        BadInput: there is no valid scene; the message names the file, the line and the field.
-    """
+    """Return the scene in a TOML file."""
     return load_scene(Path(path))
 
 
@@ -141,10 +146,6 @@ def simulate(
         start: the largest contact force is that after this time in s: a transient is over.
         settings: a setting of the engine; see 'crankslider engines'.
         quick: do not check the run by a second one, at half its step, which takes up to twice its time.
-
-    Raises:
-        BadInput: an argument or the scene is refused, or the engine cannot run the scene.
-        Failed: the simulation failed; the message says when and why.
     """
     from engine_models.convergence.doubts import doubts  # loads the compiler, which takes a second
     from engine_models.convergence.step_halving import simulate_to_tolerance
@@ -179,14 +180,14 @@ def refusing(solution: str = "") -> Iterator[None]:
 
     try:
         yield
-    except FolderRefused as reason:
+    except (FolderRefused, ImpossibleStart) as reason:
         raise BadInput(str(reason)) from None
     except (SimulationFailed, UnsupportedScene) as reason:
         if solution or isinstance(reason, SimulationFailed):
             raise Failed(f"{solution}{reason}") from None
+        field = str(reason).startswith(("samples: ", "step: "))
         text = f"engine: expected one that can run this scene, got '{reason}'"
-        own = str(reason).startswith(("start: ", "samples: ", "step: "))
-        raise BadInput(str(reason) if own else text) from None
+        raise BadInput(str(reason) if field else text) from None
 
 
 @check_arguments
@@ -199,10 +200,6 @@ def truth(scene: SomeScene, *, end: Seconds | None = None, samples: Samples = 12
 
     Args:
         samples: number of output intervals of equal length.
-
-    Raises:
-        BadInput: an argument or the scene is refused.
-        Failed: no solution was found.
     """
     from crankslider.reference_solutions import reference_solution
 
@@ -235,10 +232,6 @@ def compare(
         out: folder of the page and the rows; default: comparison/NAME.
         error: error asked for, in the signal's unit.
         signal: signal that is judged, such as slider_position or joint_B_force.
-
-    Raises:
-        BadInput: an argument or the scene is refused.
-        Failed: the reference solution was not found, or no engine finished.
     """
     from reports.results import read_study
     from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, ask, cases
@@ -319,10 +312,6 @@ def sweep(
         out: write the rows to this .parquet or .csv file; default: sweep.parquet, in Python a temporary one.
         plot: draw them over the one or two fields that differ to this .png, .svg or .pdf file.
         show: column that the figure shows.
-
-    Raises:
-        BadInput: an argument is refused.
-        Failed: the members cannot continue.
     """
     from studies.runner import run_cases
     from studies.store import Store
@@ -394,14 +383,6 @@ def run_studies(
         folder.mkdir(parents=True, exist_ok=True)
         cases = {name: load_study(name).cases(full) for name in studies or STUDIES}
         run_cases(cases, folder, workers, full, engines, retry_failed)
-
-
-def verdicts_on(engine: str) -> "Iterator[Verdict]":
-    """Return the verdicts on an engine, one after the other as they are found."""
-    from studies.conform import verdicts
-
-    join_engines([engine])
-    return verdicts(read_engine(engine, {}))
 
 
 def verdicts_on_table(table: str, scene: str) -> "Iterator[Verdict]":

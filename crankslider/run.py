@@ -268,12 +268,6 @@ class Run:
     def __repr__(self) -> str:
         return f"Run of {self._title}: {'; '.join([*self.notes(), *self.warnings])}"
 
-    def _repr_html_(self) -> str:
-        """Return the display of a notebook: title, notes, warnings and figure."""
-        from reports.run_figures import card
-
-        return card(self._title, [*self.notes(), *self.warnings], self.plot())
-
 
 @dataclass(frozen=True)
 class Sweep:

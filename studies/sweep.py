@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from operator import itemgetter
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 NAME = "sweep"
 Sample = Literal["grid", "random", "latin-hypercube", "sobol"]
 MOST_MEMBERS = 100_000
-FORM = "LOW:HIGH[:log][:COUNT] or a list of numbers"
 #: Output intervals in a revolution, and of a whole run at most.
 TURN_SAMPLES, MOST_SAMPLES = 200, 100_000
 #: How the columns of varied fields begin in the rows that are kept.
@@ -61,48 +60,47 @@ def draw_values(
     """
     if "end_time_s" in vary:
         raise BadInput("vary end_time_s: expected transient and revolutions, which end a member's run")
-    ranges = {field: _range(field, values) for field, values in vary.items()}
-    values = _grid(ranges, members, jitter) if sample == "grid" else _drawn(ranges, sample, members, seed)
+    drawn = sample != "grid"
+    lacking = (drawn or not vary) if members is None else not (vary if drawn else jitter)
+    if lacking:
+        raise BadInput("vary: expected FIELD=VALUES, or members beside jitter or sample, got another call")
+    if drawn:
+        parts = _parts(sample, len(vary), members or 0, seed)
+        points = [_numbers(*item, part) for item, part in zip(vary.items(), parts, strict=True)]
+    else:
+        axes = [_numbers(*item) for item in vary.items()]
+        if not 0 < (count := math.prod(map(len, axes)) * (members or 1)) <= MOST_MEMBERS:
+            raise BadInput(f"vary: expected 1 to {MOST_MEMBERS} members, got {count}")
+        points = [np.repeat(values.ravel(), members or 1) for values in np.meshgrid(*axes, indexing="ij")]
+    values = dict(zip(vary, points, strict=True))
     if jitter:
         try:
             path, angle = start_angle(scene)
         except ValueError as reason:
             raise BadInput(f"jitter: {reason}") from None
-        if path in ranges:
+        if path in vary:
             raise BadInput(f"jitter: expected nothing beside vary {path}, which it moves")
-        count = len(next(iter(values.values()))) if values else members or 0
+        count = len(points[0]) if points else members or 0
         # Not of the sample's own seed, whose numbers these would be again.
         values[path] = angle + np.random.default_rng([seed, 1]).uniform(-jitter, jitter, count)
     return values
 
 
-class Range(NamedTuple):
-    """Numbers from ``low`` to ``high``, in equal ratios if ``log``; no ``steps`` where they are drawn."""
-
-    low: float
-    high: float
-    log: bool
-    steps: int | None
-
-    def at(self, part: FloatArray) -> FloatArray:
-        """Return the numbers at parts of the way, (n,), from 0 to 1."""
-        low, high = np.log(self[:2]) if self.log else self[:2]
-        way = low + (high - low) * part
-        return np.clip(np.exp(way) if self.log else way, self.low, self.high)
-
-
-def _range(field: str, values: str | Sequence[float]) -> Range | FloatArray:
-    if not isinstance(values, str) or ":" not in values:
+def _numbers(field: str, values: str | Sequence[float], part: FloatArray | None = None) -> FloatArray:
+    """Return the numbers of a field, (n,): a list's, those of a range, or at parts of its way from 0 to 1."""
+    form = re.fullmatch(r"([^:]*):([^:]*)(:log)?(?::(\d{1,9}))?", str(values), re.ASCII)
+    if form is None or (form[4] is None) != (part is not None):
+        if part is not None or ":" in str(values):
+            expected = "LOW:HIGH[:log]:COUNT or a list" if part is None else "LOW:HIGH[:log] beside sample"
+            raise BadInput(f"vary {field}: expected {expected}, got {shown(values)}")
         given = values.split(",") if isinstance(values, str) else values
         return np.array([_number(field, value) for value in given])
-    form = re.fullmatch(r"([^:]*):([^:]*)(:log)?(?::(\d{1,9}))?", values, re.ASCII)
-    if form is None:
-        raise BadInput(f"vary {field}: expected {FORM}, got {shown(values)}")
-    low, high, log = _number(field, form[1]), _number(field, form[2]), bool(form[3])
-    if not low < high or (log and low <= 0):
-        expected = "a range that rises, with log from above 0"
+    low, high, log, count = _number(field, form[1]), _number(field, form[2]), form[3], int(form[4] or 2)
+    if not low < high or (log and low <= 0) or not 2 <= count <= MOST_MEMBERS:
+        expected = f"a range that rises, with log from above 0, of 2 to {MOST_MEMBERS} values"
         raise BadInput(f"vary {field}: expected {expected}, got {shown(values)}")
-    return Range(low, high, log, int(form[4]) if form[4] else None)
+    part = np.linspace(0.0, 1.0, count) if part is None else part
+    return np.clip(low * (high / low) ** part if log else low + (high - low) * part, low, high)
 
 
 def _number(field: str, value: str | float) -> float:
@@ -111,49 +109,21 @@ def _number(field: str, value: str | float) -> float:
     with suppress(ValueError):
         if math.isfinite(number := float(number)):
             return number
-    raise BadInput(f"vary {field}: expected {FORM}, got {shown(value)}")
+    raise BadInput(f"vary {field}: expected a finite number, got {shown(value)}")
 
 
-def _grid(
-    ranges: Mapping[str, Range | FloatArray], members: int | None, jitter: float
-) -> dict[str, FloatArray]:
-    if (members is None or not jitter) and (members is not None or not ranges):
-        raise BadInput("members: expected --vary FIELD=VALUES, or members beside jitter, got another call")
-    axes = []
-    for field, values in ranges.items():
-        if isinstance(values, Range):
-            if not 2 <= (values.steps or 0) <= MOST_MEMBERS:
-                expected = f"a count from 2 to {MOST_MEMBERS} behind the ends on a grid"
-                raise BadInput(f"vary {field}: expected {expected}, got {values.steps or 'none'}")
-            values = values.at(np.linspace(0.0, 1.0, values.steps or 0))
-        axes.append(values)
-    if not 0 < (count := math.prod(map(len, axes)) * (members or 1)) <= MOST_MEMBERS:
-        raise BadInput(f"vary: expected 1 to {MOST_MEMBERS} members, got {count}")
-    grid = [np.repeat(values.ravel(), members or 1) for values in np.meshgrid(*axes, indexing="ij")]
-    return dict(zip(ranges, grid, strict=True))
-
-
-def _drawn(
-    ranges: Mapping[str, Range | FloatArray], sample: Sample, members: int | None, seed: int
-) -> dict[str, FloatArray]:
-    """Return draws from ranges; Sobol's points are the first of a balanced power of two."""
+def _parts(sample: Sample, fields: int, members: int, seed: int) -> FloatArray:
+    """Return draws from 0 to 1, (fields, members); Sobol's are the first of a balanced power of two."""
     from scipy.stats import qmc  # which takes a second to load
 
-    if members is None or not ranges:
-        raise BadInput(f"sample: expected members and vary FIELD=LOW:HIGH beside {sample}, got less")
-    generator, fields = np.random.default_rng(seed), len(ranges)
+    generator = np.random.default_rng(seed)
     if sample == "random":
         points = generator.random((members, fields))
     elif sample == "sobol":
         points = qmc.Sobol(fields, seed=generator).random(2 ** (members - 1).bit_length())
     else:
         points = qmc.LatinHypercube(fields, seed=generator).random(members)
-    values = {}
-    for (field, wanted), part in zip(ranges.items(), points[:members].T, strict=True):
-        if not isinstance(wanted, Range) or wanted.steps is not None:
-            raise BadInput(f"vary {field}: expected LOW:HIGH[:log] with sample {sample}, got other values")
-        values[field] = wanted.at(part)
-    return values
+    return np.asarray(points[:members].T)
 
 
 def member_cases(
