@@ -82,8 +82,8 @@ def read_scene(scene: SomeScene, changes: Named | None = None, end: Seconds | No
     """Return a scene with changes, checked once, after them all.
 
     Args:
-        scene: a library scene or a TOML file.
-        changes: change a field of the scene, for example clearance.B.radial_clearance_m='"0.1 mm"'.
+        scene [SCENE]: a library scene or a TOML file.
+        changes [--with FIELD=VALUE]: change a field: clearance.B.radial_clearance_m='"0.1 mm"'.
         end: end time in s, or as 10ms; default: that of the scene.
     """
     values = {field: as_toml(value) for field, value in (changes or {}).items()}
@@ -143,8 +143,8 @@ def simulate(
         step: longest step in s, or as 5us; default: 1e-5, unless the engine chooses its steps.
         tolerance: refine the run until the slider position is accurate to this, in m.
         samples: number of output intervals of equal length.
-        start: the largest contact force is that after this time in s: a transient is over.
-        settings: a setting of the engine; see 'crankslider engines'.
+        start [--from --start TIME]: the largest contact force is that after this time in s.
+        settings [--set KEY=VALUE]: a setting of the engine; see 'crankslider engines'.
         quick: do not check the run by a second one, at half its step, which takes up to twice its time.
     """
     from engine_models.convergence.doubts import doubts  # loads the compiler, which takes a second
@@ -228,7 +228,7 @@ def compare(
     ``given`` is the scene as typed in a command.
 
     Args:
-        engines: only this engine; repeat for more; your own: my_module:MyEngine.
+        engines [--engine NAME]: only this engine; repeat for more; your own: my_module:MyEngine.
         out: folder of the page and the rows; default: comparison/NAME.
         error: error asked for, in the signal's unit.
         signal: signal that is judged, such as slider_position or joint_B_force.
@@ -297,7 +297,7 @@ def sweep(
     folder ``out``.rows.
 
     Args:
-        vary: values of a field: LOW:HIGH[:log][:COUNT] or a list, 0.1mm,0.2mm; repeat for a grid.
+        vary [--vary FIELD=VALUES]: LOW:HIGH[:log][:COUNT] or a list, 0.1mm,0.2mm; repeat for a grid.
         engine: see 'crankslider engines'.
         sample: grid, or a sampling: random, latin-hypercube or sobol.
         members: number of members, or of members at each point of a grid.
@@ -306,7 +306,7 @@ def sweep(
         step: longest step in s, or as 5us; default: 1e-5, unless the engine chooses its steps.
         transient: revolutions before the evaluation starts.
         revolutions: revolutions that are evaluated.
-        settings: a setting of the engine.
+        settings [--set KEY=VALUE]: a setting of the engine.
         jobs: local processes; default: one for each core.
         scheduler: address of a Dask scheduler.
         out: write the rows to this .parquet or .csv file; default: sweep.parquet, in Python a temporary one.
@@ -363,9 +363,9 @@ def run_studies(
     """Run studies, all without names, into a folder; finished cases are kept and skipped.
 
     Args:
-        studies: accuracy, energy, predictability, cost, stability or extremes; default: all.
+        studies [[STUDY]...]: accuracy, energy, predictability, cost, stability or extremes; default: all.
         full: run the full set of cases, not the quick one.
-        engines: only this engine; repeat for more; your own: my_module:MyEngine.
+        engines [--engine NAME]: only this engine; repeat for more; your own: my_module:MyEngine.
         jobs: local processes; default: one for each core.
         out: folder of the results.
         scheduler: address of a Dask scheduler; timed cases run here.
