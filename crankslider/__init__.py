@@ -35,7 +35,3 @@ def __getattr__(name: str) -> Any:
     if name in {*__all__, "__version__"}:
         return getattr(import_module("crankslider.library"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return [*__all__, "__version__"]

@@ -21,7 +21,7 @@ from warnings import warn
 import numpy as np
 from pydantic import Field, InstanceOf
 
-from crankslider.run import Comparison, Run, Sweep, picture, require_file, require_outputs, write_file
+from crankslider.run import Comparison, Run, Sweep, require_file, require_outputs, write_file
 from engine_models.engine import (
     MOST_SAMPLES,
     Engine,
@@ -244,8 +244,8 @@ def compare(
         folder.mkdir(parents=True, exist_ok=True)
         told = f"reference solution of {physics.name}"
         with progress_console().status(told), refusing(f"no {told} was found: "):
-            question = pool.run(ask, physics, error, signal, limit_s=TRUTH_LIMIT_S)
-        wanted = {case.key: case for case in cases(physics, question, engines)}
+            column, wanted_error = pool.run(ask, physics, error, signal, limit_s=TRUTH_LIMIT_S)
+        wanted = {case.key: case for case in cases(physics, column, wanted_error, engines)}
         run_cases({NAME: [*wanted.values()]}, folder, pool)
         results = read_study(folder, NAME)
         rows = results.rows[results.rows["case"].isin(wanted)].dropna(axis="columns", how="all")
@@ -342,7 +342,7 @@ def sweep(
     is_csv = place.suffix.lower() == ".csv"
     write_file("out", place, frame.to_csv(index=False).encode() if is_csv else frame.to_parquet(index=False))
     if plot is not None:
-        write_file("plot", plot, picture(swept.plot(show), plot))
+        write_file("plot", plot, swept.plot(show))
     if not (warned := frame[frame["warnings"].fillna("") != ""]).empty:
         count = f"{len(warned)} of {len(frame)} members have warnings (column warnings)"
         first = warned.iloc[0]

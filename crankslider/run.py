@@ -176,18 +176,18 @@ class Run:
             plot_columns: columns that the figure shows, A,B.
             exaggerate: enlarge clearances in the animation by this factor.
         """
-        contents = {}
+        contents = dict[str, tuple[str | Path, "bytes | Figure"]]()
         for name, place in (("out", out), ("impacts", impacts)):
             if place is not None:
                 contents[name] = place, self._encoded(self.columns(name), Path(place).suffix.lower())
         if plot is not None:
-            contents["plot"] = plot, picture(self.plot(plot_columns), plot)
+            contents["plot"] = plot, self.plot(plot_columns)
         if animate is not None:
             from reports.film import film_bytes, pictured  # loads Matplotlib
 
             shown = selected(self.trajectory, pictured(len(self.trajectory.time_s)))
-            content = film_bytes(self.scene, shown, exaggerate, Path(animate).suffix.lower(), tell)
-            contents["animate"] = animate, content
+            film = film_bytes(self.scene, shown, exaggerate, Path(animate).suffix.lower(), tell)
+            contents["animate"] = animate, film
         for name, (place, content) in contents.items():
             write_file(name, place, content)
 
@@ -245,15 +245,11 @@ class Run:
             lines.append(f"{steps} steps{f' of {method}' if method else ''}, {how_long}")
             if (moved := self.scene.placed.moved) is not None:
                 lines.insert(0, f"start put together: {moved} from what the file tells")
-        return lines + self._notes_of_force()
-
-    def _notes_of_force(self) -> list[str]:
-        """Return a line on the largest contact force, and one if samples miss it."""
         if (largest := self.largest_contact_force) is None:
-            return []
-        lines = [f"the largest contact force is {largest}"]
+            return lines
+        lines.append(f"the largest contact force is {largest}")
         if (overall := self._largest_force(0.0)) != largest:
-            lines[0] += f", after the transient to {self.start_s:g} s, in which it is {overall}"
+            lines[-1] += f", after the transient to {self.start_s:g} s, in which it is {overall}"
         late = self.trajectory.time_s >= self.start_s
         shown_N = self.trajectory.contacts[largest.joint].normal_force_N[late].max(initial=0.0)
         if shown_N < (1 - MISSED) * largest.force_N:
@@ -332,9 +328,6 @@ class Comparison:
             write_comparison(Path(folder), self.results, pictures, self.scene.to_toml(), self.given)
         write_file("folder", Path(folder, "rows.csv"), self.frame.to_csv(index=False).encode())
 
-    def __repr__(self) -> str:
-        return self.recommendation
-
 
 @check_arguments
 def require_outputs(scene: InstanceOf[Scene], files: Mapping[str, Place], exaggerate: Times = 1.0) -> None:
@@ -364,20 +357,17 @@ def require_file(argument: str, place: str | Path, endings: Sequence[str]) -> No
             require_place(path)
 
 
-def write_file(argument: str, place: str | Path, content: bytes) -> None:
+def write_file(argument: str, place: str | Path, content: "bytes | Figure") -> None:
     """Write a whole file, or to stdout."""
+    if not isinstance(content, bytes):
+        from reports.look import picture_bytes  # loads Matplotlib
+
+        content = picture_bytes(content, Path(place).suffix.lower())
     with writing(argument, Path(place)):
         if Path(place) == STDOUT:
             print(content.decode("utf-8"), end="")
         else:
             write_whole(Path(place), content)
-
-
-def picture(figure: "Figure", place: str | Path) -> bytes:
-    """Return a figure as the bytes of a file."""
-    from reports.look import picture_bytes  # loads Matplotlib
-
-    return picture_bytes(figure, Path(place).suffix.lower())
 
 
 def _newtons(force_N: float) -> str:

@@ -1,9 +1,9 @@
 """Runs the cases of studies on all cores or a cluster, keeps every row at once, and resumes."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
@@ -12,13 +12,8 @@ from studies.failures import Failed, progress_console
 from studies.store import Store
 from studies.workers import KILLED, Ended, Pool
 
-
-class Workers(Protocol):
-    """What runs calls on items, each within its ``limit_s``: ``Pool``, or ``cluster.Cluster``."""
-
-    def results(self, call: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
-        """Yield every item and what its call gave, or ``Ended``, as it ends."""
-        ...
+#: What runs calls on items, each within its ``limit_s``: ``Pool``, or ``cluster.Cluster``.
+Workers = Any
 
 
 def run_cases(

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from errno import EISDIR
 from pathlib import Path
 from secrets import token_hex
 from tempfile import TemporaryDirectory, TemporaryFile
@@ -11,9 +12,8 @@ from tempfile import TemporaryDirectory, TemporaryFile
 def require_place(path: Path) -> None:
     """Raise OSError, before any work is done, if ``path`` is a folder or no file can be written there."""
     path = Path(os.path.realpath(path))
-    if path.is_dir() or (path.exists() and not os.access(path, os.W_OK)):  # what is replaced may be written
-        with path.open("ab"):
-            pass
+    if path.is_dir():
+        raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
     if path.is_file() or not path.exists():
         with TemporaryFile(dir=path.parent):
             pass
@@ -50,9 +50,4 @@ def whole_folder(path: Path) -> Iterator[Path]:
         yield new
         if path.exists():
             path.rename(old)
-        try:
-            new.rename(path)
-        except OSError:
-            if old.exists():
-                old.rename(path)
-            raise
+        new.rename(path)

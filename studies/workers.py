@@ -75,16 +75,19 @@ class Worker:
         return self._run(call, args, limit_s)
 
     def _run(self, call: Callable[..., T], args: tuple[object, ...], limit_s: float) -> T:
-        process = self._process or self._begin()
+        process, answers = self._process or self._begin(), list[Any]()
         if self._closed:
             process.kill()
-        begun = False
         try:
             self._pipe.send((call, args))
-            begun = self._answer(BEGINNING_S)
-            value, error = self._answer(limit_s)
+            for limit in (BEGINNING_S, limit_s):
+                if not self._pipe.poll(limit):
+                    self.close()
+                    raise Ended(TIMED_OUT, f"not finished within the limit of {limit:g} s")
+                answers.append(self._pipe.recv())
         except (EOFError, OSError):
-            raise self._death(process, begun) from None
+            raise self._death(process, begun=bool(answers)) from None
+        value, error = answers[-1]
         if error is not None:
             raise error
         return value  # type: ignore[no-any-return]
@@ -94,22 +97,14 @@ class Worker:
         self._pipe, theirs = Pipe()
         self._words = TemporaryFile("a+b")  # noqa: SIM115  it lives as long as the process
         with theirs:
-            number = theirs.fileno()
             self._process = subprocess.Popen(
-                [sys.executable, "-c", BEGIN, str(number), str(os.getpid()), *sys.path],
+                [sys.executable, "-c", BEGIN, str(theirs.fileno()), str(os.getpid()), *sys.path],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,  # of native code too
                 stderr=self._words,
-                pass_fds=[number],
+                pass_fds=[theirs.fileno()],
             )
         return self._process
-
-    def _answer(self, limit_s: float) -> Any:
-        """Return what the process answers next; it is killed at the limit."""
-        if self._pipe.poll(limit_s):
-            return self._pipe.recv()
-        self.close()
-        raise Ended(TIMED_OUT, f"not finished within the limit of {limit_s:g} s")
 
     def _death(self, process: "subprocess.Popen[bytes]", begun: bool) -> Exception:
         """Return how a process ended that has closed its pipe."""
