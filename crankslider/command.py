@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from importlib.metadata import version as installed
+from importlib.metadata import version
 from operator import attrgetter
 from pathlib import Path
 from shlex import quote
@@ -25,7 +25,7 @@ from types import FrameType
 from typing import Annotated, Any, get_args, get_origin
 
 import typer
-from typer import Argument, Exit, Option, Typer
+from typer import Argument, Option, Typer
 
 from studies.failures import BadInput, Failed, bug, log, progress_console, writing
 
@@ -58,9 +58,9 @@ def make_app(name: str) -> Typer:
     app = Typer(
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},
-        help="Simulate planar mechanisms with the reference solver, Exudyn, Pymunk and SciPy; compare them.",
+        help="Simulate planar mechanisms with the reference solver, Exudyn, Pymunk and SciPy; compare them. "
+        "--version prints the version.",
     )
-    app.callback()(about)
     for function, paths in COMMANDS.items():
         run = with_options(function, paths) if function.__name__ == name else lambda: None
         app.command(function.__name__, help=described(function)[0])(run)
@@ -123,21 +123,6 @@ def assigned(typed: Sequence[str], assignments: Sequence[str]) -> dict[str, str]
             raise BadInput(f"{typed[0][2:]}: expected {typed[-1]}, got {got}")
         values[key] = value
     return values
-
-
-def print_version(wanted: bool) -> None:
-    """Print the version and end, if that is wanted."""
-    if wanted:
-        print(f"crankslider {installed('crankslider')}")
-        raise Exit
-
-
-def about(
-    version: Annotated[
-        bool, Option("--version", help="Print the version.", callback=print_version, is_eager=True)
-    ] = False,
-) -> None:
-    """Handle the options before a command."""
 
 
 def print_rows(rows: Sequence[Sequence[str]]) -> None:
@@ -425,27 +410,23 @@ def explain(error: BaseException) -> tuple[str, int]:
     """Return the message and the exit code for an error."""
     if isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt):
         return "interrupted", INTERRUPTED  # a native solver passes Ctrl-C on as a cause
-    match error:
-        case typer.TyperException():
-            return f"command line: expected what --help tells, got '{error.format_message()}'", 2
-        case BadInput() | Failed():
-            return str(error), 2 if isinstance(error, BadInput) else 1
-        case BrokenPipeError():  # the reader of stdout has closed it
-            return "", 1
-        case MemoryError():
-            return "the run needs more memory than there is", 1
-        case OSError():
-            return f"{error.filename or 'output'}: {error.strerror or error}", 2
-        case _:
-            return bug(error), 1
+    if isinstance(error, typer.TyperException):
+        return f"command line: expected what --help tells, got '{error.format_message()}'", 2
+    if isinstance(error, BadInput | Failed):
+        return str(error), 2 if isinstance(error, BadInput) else 1
+    if isinstance(error, BrokenPipeError):  # the reader of stdout has closed it
+        return "", 1
+    if isinstance(error, OSError):
+        return f"{error.filename or 'output'}: {error.strerror or error}", 2
+    return "the run needs more memory than there is" if isinstance(error, MemoryError) else bug(error), 1
 
 
 def main() -> None:
     """Run the command line and exit with its exit code."""
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
-    for level, word in ((logging.INFO, "note"), (logging.WARNING, "warning"), (logging.ERROR, "error")):
-        logging.addLevelName(level, word)
+    for word in ("INFO", "WARNING", "ERROR"):
+        logging.addLevelName(getattr(logging, word), "note" if word == "INFO" else word.lower())
     for logger in (log, logging.getLogger("reference_solver")):
         logger.handlers = [handler]
     warnings.showwarning = lambda message, *_: log.warning(str(message))
@@ -460,6 +441,9 @@ def main() -> None:
             signal.signal(number, interrupt)
     try:
         named = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
+        if sys.argv[1:] == ["--version"]:
+            print(f"crankslider {version('crankslider')}")
+            sys.exit()
         code = make_app(named)(standalone_mode=False, prog_name="crankslider") or 0
         sys.stdout.flush()
         message = "interrupted" if code == INTERRUPTED else ""  # which typer returns after Ctrl-C

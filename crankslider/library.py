@@ -25,12 +25,15 @@ from crankslider.run import Comparison, Run, Sweep, require_file, require_output
 from engine_models.engine import (
     MOST_SAMPLES,
     Engine,
+    Impacts,
     ImpossibleStart,
     RunSettings,
     SimulationFailed,
     UnsupportedScene,
 )
 from engine_models.engines import join, make_engine
+from engine_models.mechanics.samples import selected
+from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
 from engine_models.scene.file import load as load_scene
 from engine_models.scene.format import NonNegative, Positive
@@ -195,20 +198,43 @@ def truth(scene: SomeScene, *, end: Seconds | None = None, samples: Samples = 12
     """Return the reference solution of a scene, for the validation of other solvers.
 
     It is independent of all engines. Its samples end at the predictability horizon, where two solutions
-    diverge. ``certain_m`` is the uncertainty of the slider position, or of what else the scene observes, up
-    to there, in m: of an angle times the longest lever.
+    diverge; ``certain_m`` is the uncertainty up to there.
 
     Args:
         samples: number of output intervals of equal length.
     """
-    from crankslider.reference_solutions import reference_solution
+    from engine_models.convergence.doubts import doubts_of_tables
+    from studies.judges.converged_truth import INDEPENDENT, TRUE, converged, followed, solved, truth_by
+    from studies.judges.metrics import COVERAGE
 
     physics = read_scene(scene, end=end)
     with refusing("no reference solution was found: "):
-        run = reference_solution(physics, samples)
-    for doubt in run.warnings:
+        true, repeats = converged(physics, samples)
+        every, count = solved(physics, samples).truth.contacts, followed(physics, samples)
+    if not count:
+        raise Failed("no reference solution was found: two solutions diverge before the first sample")
+    place, end_s, warnings = observed_m(physics, true), true.time_s[count - 1], doubts_of_tables(physics)
+    apart = max(float(np.abs(observed_m(physics, one) - place)[:count].max()) for one in repeats)
+    resolution = float(np.spacing(max(np.abs(place).max(), lever_m(physics))))
+    if count <= samples:
+        warnings.append(f"two solutions diverge after t = {end_s:.6g} s; samples end there")
+    known, contacts = selected(true, slice(count)), {}
+    for joint, contact in known.contacts.items():
+        impacts = every[joint].impacts
+        over = impacts.time_s + impacts.duration_s <= end_s
+        kept = Impacts(**{name: values[over] for name, values in vars(impacts).items()})
+        contacts[joint] = replace(contact, impacts=kept)
+    for doubt in warnings:
         warn(doubt, stacklevel=3)
-    return run
+    return Run(
+        physics,
+        "truth",
+        TRUE,  # type: ignore[arg-type]
+        replace(known, contacts=contacts),
+        tuple(warnings),
+        certain_m=max(COVERAGE * apart, resolution),
+        by="independent equations" if truth_by(physics, samples) == INDEPENDENT else "the reference engine",
+    )
 
 
 @check_arguments
@@ -386,10 +412,9 @@ def run_studies(
 
 
 def verdicts_on_table(table: str, scene: str) -> "Iterator[Verdict]":
-    """Yield a verdict on each column that a CSV table of another solver has as ``simulate`` names it.
+    """Yield a verdict on each column of another solver's CSV table that ``simulate`` writes too.
 
-    Its times ``time_s`` are equally spaced from 0 on, since the reference solution is sampled so. What is
-    asked is what is asked of every engine, up to where the reference solution is known.
+    Its times ``time_s`` are equally spaced from 0 on, since the reference solution is sampled so.
     """
     import pandas as pd
 

@@ -106,13 +106,13 @@ class Run:
         return self._largest_force(self.start_s)
 
     def _largest_force(self, start_s: float) -> ContactForce | None:
-        forces, clearances = list[ContactForce](), self.scene.clearances
+        forces = list[ContactForce]()
         for joint, contact in self.trajectory.contacts.items():
             force = np.append(contact.normal_force_N, contact.impacts.largest_normal_force_N)
             times = np.append(self.trajectory.time_s, contact.impacts.largest_normal_force_time_s)
             force = np.where(times >= start_s, force, 0.0)
             k = np.nanargmax(force)
-            if clearances[joint].law != "rigid" and force[k] > 0:
+            if self.scene.clearances[joint].law != "rigid" and force[k] > 0:
                 forces.append(ContactForce(float(force[k]), joint, float(times[k])))
         return max(forces, default=None)
 
