@@ -21,6 +21,7 @@ from importlib.metadata import version
 from operator import attrgetter
 from pathlib import Path
 from shlex import quote
+from tempfile import TemporaryDirectory
 from types import FrameType
 from typing import Annotated, Any, get_args, get_origin
 
@@ -342,7 +343,6 @@ def report(results: str = "results", out: str = "report", against: str | None = 
 
     from reports.contents import CHAPTERS
     from reports.page import read_claims, require_replaceable, write_report
-    from studies.whole_file import whole_folder
 
     place = Path(out)
     with writing("against", Path(against or "")):
@@ -358,6 +358,20 @@ def report(results: str = "results", out: str = "report", against: str | None = 
     else:
         print("\n".join(made.answer))
     log.info(f"the report is {place / 'index.html'}")
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Give an empty folder that takes the place of ``path`` at the block's end, and vanishes if it fails."""
+    path = Path(os.path.realpath(path))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as beside:
+        new, old = Path(beside, "new"), Path(beside, "old")
+        new.mkdir()
+        yield new
+        if path.exists():
+            path.rename(old)
+        new.rename(path)
 
 
 @contextmanager

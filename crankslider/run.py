@@ -5,9 +5,11 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from errno import EISDIR
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
@@ -23,7 +25,6 @@ from engine_models.scene.format import Positive
 from engine_models.scene.plain_words import one_of, shown, unknown
 from engine_models.scene.scene import Scene
 from studies.failures import BadInput, writing
-from studies.whole_file import require_place, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -352,22 +353,36 @@ def require_file(argument: str, place: str | Path, endings: Sequence[str]) -> No
     if ending not in endings:
         expected = f"a file that ends in {one_of([each for each in endings if each])}"
         raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
-    if path != STDOUT:
-        with writing(argument, path):
-            require_place(path)
+    path = Path(os.path.realpath(path))
+    with writing(argument, Path(place)):
+        if path.is_dir():
+            raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+        if Path(place) != STDOUT and (path.is_file() or not path.exists()):
+            TemporaryFile(dir=path.parent).close()
 
 
 def write_file(argument: str, place: str | Path, content: "bytes | Figure") -> None:
-    """Write a whole file, or to stdout."""
+    """Write to stdout, a device or pipe, or a file that takes its place once it is on the disk."""
     if not isinstance(content, bytes):
         from reports.look import picture_bytes  # loads Matplotlib
 
         content = picture_bytes(content, Path(place).suffix.lower())
+    path = Path(os.path.realpath(place))
     with writing(argument, Path(place)):
         if Path(place) == STDOUT:
             print(content.decode("utf-8"), end="")
+        elif path.exists() and not path.is_file():
+            path.write_bytes(content)
         else:
-            write_whole(Path(place), content)
+            new = path.with_name(f".{path.name}.{os.getpid()}.new")
+            try:
+                with new.open("wb") as file:
+                    file.write(content)
+                    file.flush()
+                    os.fsync(file.fileno())
+                new.replace(path)
+            finally:
+                new.unlink(missing_ok=True)
 
 
 def _newtons(force_N: float) -> str:

@@ -37,8 +37,7 @@ OF_ONE_SCENE = {"comparison": "studies.compare", "sweep": "studies.sweep"}
 #: The folders whose files decide numbers, and the distributions whose versions do.
 CODE = ("reference_solver", "engine_models", "studies")
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "exudyn", "pymunk")
-#: The wall time in s of a case that has no limit of its own, kernels and reference solutions included. The
-#: longest of the full set take a minute: what takes thirty times as long will never end.
+#: The wall time in s of a case that has no limit of its own: thirty times what the longest takes.
 LIMIT_S = 1800.0
 
 

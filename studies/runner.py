@@ -58,9 +58,10 @@ def run_cases(
                         store.keep(call.key, call.code, row, curves)
                         progress.advance(bars[call.case.study])
 
-            run(sorted(key for key in lacking if not lacking[key].timed), workers, False)  # as good as random
+            timed = [key for key in lacking if lacking[key].timed]
+            run(sorted(lacking.keys() - timed), workers, False)  # as good as random
             with Pool(1) as alone:
-                run([*again, *(key for key in lacking if lacking[key].timed)], alone, True)
+                run([*again, *timed], alone, True)
         there = store.statuses()
         for name, asked in wanted.items():
             failures = Counter(there[key] for key in asked if there[key] != "ok")
