@@ -38,7 +38,7 @@ from engine_models.scene.arguments import Metres, Place, Seconds, check_argument
 from engine_models.scene.file import load as load_scene
 from engine_models.scene.format import NonNegative, Positive
 from engine_models.scene.library import ALL_SCENES
-from engine_models.scene.plain_words import expect, one_of, shown, unknown
+from engine_models.scene.plain_words import expect, one_of, unknown
 from engine_models.scene.scene import Scene
 from studies.failures import BadInput, Failed, progress_console, writing
 
@@ -96,8 +96,6 @@ def read_scene(scene: SomeScene, changes: Named | None = None, end: Seconds | No
         return own.replace(values) if values else own
     if os.path.exists(name := str(scene)):  # pathlib's raises for a name that is too long
         return load_scene(Path(name), values, "with")
-    if "/" in name or name.endswith(".toml"):
-        raise BadInput(f"scene: expected a TOML file that is there, got {shown(name)} (no such file)")
     raise BadInput(unknown("scene", name, scenes, f"{one_of([*scenes])}, or a TOML file"))
 
 
@@ -249,9 +247,8 @@ def compare(
 ) -> Comparison:
     """Compare engines on a scene and return rows, a recommendation, and a page that can be saved.
 
-    Engines are judged by the largest error of a signal. The one is recommended that is at or below the error
-    asked for at the least run time; both have defaults for the scene. A second call resumes in the folder.
-    ``given`` is the scene as typed in a command.
+    That engine is recommended whose largest error of a signal is at or below the one asked for at the least
+    run time. A second call resumes in the folder. ``given`` is the scene as typed in a command.
 
     Args:
         engines [--engine NAME]: only this engine; repeat for more; your own: my_module:MyEngine.
@@ -318,9 +315,7 @@ def sweep(
 ) -> Sweep:
     """Run a scene with many values of its fields and return the rows, one per member.
 
-    A member runs for a transient, then revolutions that are evaluated, of the turning body at its start's
-    speed; without one, a revolution is the scene's end time. An interrupted sweep resumes from the
-    folder ``out``.rows.
+    An interrupted sweep resumes from the folder ``out``.rows.
 
     Args:
         vary [--vary FIELD=VALUES]: LOW:HIGH[:log][:COUNT] or a list, 0.1mm,0.2mm; repeat for a grid.

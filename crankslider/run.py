@@ -61,8 +61,8 @@ class Run:
     ``engine`` has the settings that ran. ``tolerance_m`` is the tolerance of the slider position, or None.
     ``warnings`` has a line for each doubt about the run. ``trajectory`` has all results as arrays. What is
     before ``start_s`` is a transient. ``checked``: a tolerance or a run at half the step has been a check.
-    ``certain_m`` is the uncertainty of a reference solution, of the slider or what else is observed, of an
-    angle times the longest lever; ``by`` says who solved it.
+    ``certain_m`` is the uncertainty of the place that a reference solution, solved ``by`` whom, observes; of
+    an angle it is multiplied by the longest lever.
     """
 
     scene: Scene
@@ -228,10 +228,7 @@ class Run:
         }
 
     def notes(self) -> list[str]:
-        """Return a line each on the start, the quality, the steps and the largest force of the run.
-
-        Of a reference solution there is one on its uncertainty, its end and its method.
-        """
+        """Return a line each on start, quality, steps or uncertainty, and largest force of the run."""
         steps, allowed_s, time_s = self.trajectory.steps, self.trajectory.step_s, self.trajectory.time_s
         if self.by:
             lever = lever_m(self.scene) if (angle := self.scene.observed.what == "angle") else 1.0

@@ -18,11 +18,7 @@ _OWN = local()
 
 
 class Cluster:
-    """What answers at the address of a Dask scheduler, whose workers have the same code and libraries as we.
-
-    Raises:
-        BadInput: Dask is not installed here, no scheduler answers there, or its workers run other code.
-    """
+    """What answers at the address of a Dask scheduler, whose workers have our code and libraries."""
 
     def __init__(self, address: str) -> None:
         try:

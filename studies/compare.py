@@ -38,11 +38,7 @@ TRUTH_LIMIT_S = 300.0
 def ask(scene: Scene, error: float | None = None, signal: str | None = None) -> tuple[str, float]:
     """Return the column of errors by which engines are judged, and the error wanted in its unit.
 
-    The scene's reference solution is found for it.
-
-    Raises:
-        UnsupportedScene, SimulationFailed: there is none, or it is not known beyond the start.
-        BadInput: there is no such signal, or one other than the scene's own without an error.
+    The scene's reference solution is found for it: there may be none, or none beyond the start.
     """
     truth, _ = converged(scene, GRID)
     if followed(scene, GRID) < 2:

@@ -142,11 +142,7 @@ def force_error(trial: Trial) -> float:
 
 
 def strength_error(trial: Trial) -> float:
-    """Return the largest error of an impact's largest force, as a part of the largest of all.
-
-    Raises:
-        ValueError: there are impacts too few or many.
-    """
+    """Return the largest error of an impact's largest force, as a part of the largest of all."""
     own = trial.engine.twin(trial.scene)
     missed, strongest_N, off_N = 0.0, 0.0, 0.0
     for joint, contact in trial.run.contacts.items():
@@ -256,10 +252,7 @@ class Verdict(NamedTuple):
 
 
 def verdicts(engine: Engine, scenes: Iterable[str] = ("", *ALL_SCENES)) -> Iterator[Verdict]:
-    """Yield the verdicts on an engine, scene by scene; "" stands for the claims about the engine.
-
-    A scene that the engine's model does not express, or how it goes on, has none.
-    """
+    """Yield the verdicts on an engine, scene by scene that it runs; "" stands for the engine itself."""
     for name in scenes:
         if not name:
             yield from (Verdict(claim, "", *tried(holds, engine)) for claim, holds in OF_ENGINE.items())

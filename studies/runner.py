@@ -29,10 +29,6 @@ def run_cases(
     There is a progress bar a study, and a line that counts its failures. Timed cases run in a process of this
     machine with nothing beside it, after all others. So is one run again whose process was killed from
     outside. ``retry_failed`` runs again what neither finished nor was refused.
-
-    Raises:
-        BadInput: another run holds the folder.
-        Failed: the cases cannot go on; what was finished is kept.
     """
     with Store(folder) as store, store.held():
         there, wanted, again = store.statuses(), dict[str, dict[str, Case]](), list[str]()

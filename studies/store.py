@@ -35,9 +35,7 @@ commit;
 class Store:
     """The file of a folder: any number of readers, one writer (see ``held``).
 
-    Raises:
-        BadInput: the file is none of ours, or damaged.
-        OSError: the folder cannot be used.
+    One that is none of ours, or damaged, is BadInput; an OSError says that the folder cannot be used.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -158,19 +158,16 @@ def member_rows(cases: Sequence[Case], fields: Sequence[str], rows: Sequence[Row
 
     by_case = {row["case"]: row for row in rows}
     table = pd.DataFrame([by_case[case.key] for case in cases])
-    ends = {name: table.get(name) for name in ENDS}
+    head = {"member": range(len(table))} | {name: table[VARIED + name] for name in fields}
+    head |= {name: table.get(name) for name in ENDS}
     others = {*cases[0].head(), *ENDS, "case", "exception"}
-    varied = {name: table[VARIED + name] for name in fields}
-    return pd.DataFrame(
-        {"member": range(len(table)), **varied, **ends, **table.drop(columns=[*others & {*table}])}
-    )
+    return pd.DataFrame(head | {name: table[name] for name in table if name not in others})
 
 
 def member(scene: Scene, values: Mapping[str, float], revolutions: float) -> Scene:
     """Return the scene with these values in its fields, by their paths, as long as so many revolutions.
 
-    They are those of the turning body at its speed at the start. Without one, or where it is at rest, a
-    revolution is as long as the scene.
+    Without a turning body, or where it starts at rest, one is as long as the scene.
     """
     scene, body = scene.replace(values), scene.turning_body
     speed = 0.0 if body is None else float(start_state(scene)[1][body, 2])
@@ -202,12 +199,9 @@ def summary(scene: Scene, run: Trajectory, transient: float, revolutions: float)
     """Return what a run did in the revolutions after the transient; NaN is what is not known.
 
     Of joints with clearance, all taken together: an impact is a touch; one that still lasts at the end has no
-    impulse yet, and its speed is not known. The largest force is that of impacts, found between steps, and of
-    samples. The deviation in m is that of what the scene observes, such as the slider's place, from where
-    ideal joints would have it at the turning body's angle. That angle is the phase of an impact, or without
-    such a body the part of a turn's time: its mean is that of cosine and sine, since angles go round.
-
-    Of a scene with ideal joints: the largest forces of joints and guides, and of its driver, at samples.
+    impulse yet, and its speed is not known. The deviation is that of what the scene observes from where ideal
+    joints would have it at the turning body's angle. That is the phase of an impact, or without such a body
+    the part of a turn's time; its mean is that of cosine and sine, since angles go round.
     """
     turns, body = transient + revolutions, scene.turning_body
     first = round((len(run.time_s) - 1) * transient / turns)

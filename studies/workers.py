@@ -60,11 +60,7 @@ class Worker:
         """Return what a call returns in the process, or raise what it raises.
 
         A call whose process has run others is run again in a new one, so that none answers for the damage
-        that another did.
-
-        Raises:
-            Ended: the process died of the call, exceeded the limit, or was killed.
-            Failed: no process can begin.
+        that another did. ``Ended`` says that it died of the call, exceeded the limit, or was killed.
         """
         used = self._process is not None
         try:
@@ -168,11 +164,7 @@ class Pool:
             self._free.put(worker)
 
     def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
-        """Yield every item, which has a ``limit_s``, and what its call gave, as it ends.
-
-        Raises:
-            Exception: what a call raised other than ``Ended``.
-        """
+        """Yield every item, which has a ``limit_s``, and what its call gave or ``Ended``, as it ends."""
         submit = self._threads.submit
         futures = {submit(self.run, call, item, limit_s=item.limit_s): item for item in items}
         try:
@@ -187,10 +179,7 @@ class Pool:
 
 
 def serve(pipe: str, parent: str) -> None:
-    """Answer calls with ``(value, None)`` or ``(None, error)`` until the parent is no more.
-
-    Of what they say on stderr the last line is told where the process dies.
-    """
+    """Answer calls with ``(value, None)`` or ``(None, error)`` until the parent is no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "linux":  # even while native code hangs with the interpreter's lock; else after a call
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
