@@ -22,6 +22,7 @@ from operator import attrgetter
 from pathlib import Path
 from shlex import quote
 from tempfile import TemporaryDirectory
+from traceback import walk_stack
 from types import FrameType
 from typing import Annotated, Any, get_args, get_origin
 
@@ -73,7 +74,9 @@ def with_options(function: Callable[..., None], paths: Sequence[str]) -> Callabl
     parameters, forms = dict[str, inspect.Parameter](), dict[str, list[str]]()
     for each in (*map(of_library, paths), function):
         arguments = inspect.signature(inspect.unwrap(each)).parameters
-        for name, (typed, text) in described(each)[1].items():
+        texts = {**described(each)[1], "as_json": ("--json", "print JSON.")}
+        for name in [name for name in texts if name in arguments]:
+            typed, text = texts[name]
             forms[name] = typed.split() or [f"--{name.replace('_', '-')}", name.upper()]
             parameters[name] = option(arguments[name], forms[name], text)
     quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=QUIET)
@@ -134,11 +137,7 @@ def print_rows(rows: Sequence[Sequence[str]]) -> None:
 
 
 def scenes(as_json: bool = False) -> None:
-    """List the scenes of the library.
-
-    Args:
-        as_json [--json]: print JSON.
-    """
+    """List the scenes of the library."""
     from engine_models.scene.library import ALL_SCENES
 
     rows = [("scene", "drive", "clearance", "end time", "about")]
@@ -157,15 +156,12 @@ def engines(name: str | None = None, as_json: bool = False) -> None:
 
     Args:
         name [[NAME]]: describe this engine in full.
-        as_json [--json]: print JSON.
     """
     from engine_models.engine import UnsupportedScene
     from engine_models.engines import ENGINES, engine_class
     from engine_models.scene.library import ALL_SCENES
-    from engine_models.scene.plain_words import expectation, fields, shown, unknown
+    from engine_models.scene.plain_words import expectation, fields, shown
 
-    if name is not None and name not in ENGINES:
-        raise BadInput(unknown("NAME", name, ENGINES))
     listed = []
     for engine in [name] if name else ENGINES:
         kind, refused = engine_class(engine), dict[str, str]()
@@ -252,11 +248,7 @@ def run(given: dict[str, Any]) -> None:
 
 
 def compare(given: dict[str, Any], as_json: bool = False) -> None:
-    """Compare engines on a scene: which configuration and setting to use, with its error and run time.
-
-    Args:
-        as_json [--json]: print JSON.
-    """
+    """Compare engines on a scene: which configuration and setting to use, with its error and run time."""
     from reports.standings import standings_table
 
     changes = [f"--with {quote('='.join(change))}" for change in given.get("changes", {}).items()]
@@ -272,10 +264,7 @@ def compare(given: dict[str, Any], as_json: bool = False) -> None:
 
 
 def conform(
-    name: str | None = None,
-    table: str | None = None,
-    table_scene: str | None = None,
-    as_json: bool = False,
+    name: str | None = None, table: str | None = None, table_scene: str | None = None, as_json: bool = False
 ) -> None:
     """Run the checks that every engine has to pass; exit code 1 if one fails.
 
@@ -283,7 +272,6 @@ def conform(
         name [[NAME]]: an engine, or your own: my_module:MyEngine.
         table [--from FILE.csv]: a CSV table of another solver in place of an engine.
         table_scene [--scene SCENE]: the scene that the table is of.
-        as_json [--json]: print JSON.
     """
     from rich.progress import track
 
@@ -318,7 +306,6 @@ def baseline(
         name [[NAME]]: an engine alone, or your own: my_module:MyEngine.
         folder: folder of that engine's baselines.
         accept [--accept REASON]: accept the numbers as they are, for this reason.
-        as_json [--json]: print JSON.
     """
     from crankslider.library import join_engines
     from engine_models.arms import NAMED as ALL
@@ -411,13 +398,11 @@ COMMANDS: dict[Callable[..., None], tuple[str, ...]] = {
 
 def interrupt(_: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt, unless that would break LLVM: then the signal comes again."""
-    while frame is not None:
-        if frame.f_globals.get("__name__", "").startswith(UNBREAKABLE):
-            signal.signal(signal.SIGALRM, interrupt)
-            signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
-            return
-        frame = frame.f_back
-    raise KeyboardInterrupt
+    if any(each.f_globals.get("__name__", "").startswith(UNBREAKABLE) for each, _ in walk_stack(frame)):
+        signal.signal(signal.SIGALRM, interrupt)
+        signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+    else:
+        raise KeyboardInterrupt
 
 
 def explain(error: BaseException) -> tuple[str, int]:

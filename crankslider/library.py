@@ -342,8 +342,6 @@ def sweep(
     place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
     require_file("out", place, (".parquet", ".csv"))
     require_outputs(physics, {} if plot is None else {"plot": plot})
-    if plot is None and show is not None:
-        raise BadInput(f"show: expected nothing without plot, got {show}")
     values = draw_values(physics, vary or {}, sample, members, jitter, seed)
     if plot is not None and len(values) > 2:
         raise BadInput(f"plot: expected at most 2 fields that differ, got {len(values)}")

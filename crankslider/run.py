@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 TABLES, PICTURES = (".csv", ".json", ".parquet", ""), (".png", ".svg", ".pdf")
 FILES = {"out": TABLES, "impacts": TABLES, "plot": PICTURES, "animate": (".html", ".gif", ".mp4")}
 STDOUT = Path("-")
-#: A note says that samples miss the largest contact force by more than this part of it.
-MISSED = 0.1
 
 Times = Annotated[Positive, in_words()]
 
@@ -133,8 +131,8 @@ class Run:
         for name in columns:
             if name not in self.frame:
                 raise BadInput(unknown("columns", name, self.frame))
-        mark = None
-        if largest := self.largest_contact_force:
+        mark, largest = None, self.largest_contact_force
+        if largest:
             label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
             mark = largest.time_s, largest.force_N, label
         return time_plot(self.frame, self._title, self.quality.summary(), mark, columns)
@@ -150,12 +148,6 @@ class Run:
                 unknown("joint", joint, clearances, "" if clearances else "a scene with clearance")
             )
         return orbit_plot(self.frame, joint, clearances[joint].radial_clearance_m, self._title)
-
-    @check_arguments
-    def animate(self, file: Place, exaggerate: Positive = 1.0) -> None:
-        """Write an animation of the mechanism, with joint forces as arrows, to a .html, .gif or .mp4 file."""
-        require_outputs(self.scene, {"animate": file})
-        self.write(animate=file, exaggerate=exaggerate)
 
     @check_arguments
     def write(
@@ -177,6 +169,8 @@ class Run:
             plot_columns: columns that the figure shows, A,B.
             exaggerate: enlarge clearances in the animation by this factor.
         """
+        files = {"out": out, "impacts": impacts, "plot": plot, "animate": animate}
+        require_outputs(self.scene, {name: place for name, place in files.items() if place}, exaggerate)
         contents = dict[str, tuple[str | Path, "bytes | Figure"]]()
         for name, place in (("out", out), ("impacts", impacts)):
             if place is not None:
@@ -250,7 +244,7 @@ class Run:
             lines[-1] += f", after the transient to {self.start_s:g} s, in which it is {overall}"
         late = self.trajectory.time_s >= self.start_s
         shown_N = self.trajectory.contacts[largest.joint].normal_force_N[late].max(initial=0.0)
-        if shown_N < (1 - MISSED) * largest.force_N:
+        if shown_N < 0.9 * largest.force_N:
             missed = f"{len(late) - 1} samples show at most {_newtons(shown_N)} of it"
             lines.append(f"{missed}: more --samples show more, --impacts FILE has every impact's largest")
         return lines

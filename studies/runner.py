@@ -5,26 +5,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
+from rich.progress import Progress
 
 from studies.case import Case, Curves, Row, code_of, ended, provenance, run_case
 from studies.failures import Failed, progress_console
 from studies.store import Store
 from studies.workers import KILLED, Ended, Pool
 
-#: What runs calls on items, each within its ``limit_s``: ``Pool``, or ``cluster.Cluster``.
-Workers = Any
-
 
 def run_cases(
     studies: Mapping[str, Sequence[Case]],
     folder: Path,
-    workers: Workers,
+    workers: Any,
     full: bool = False,
     engines: Sequence[str] = (),
     retry_failed: bool = False,
 ) -> None:
-    """Run the cases of studies that a folder lacks, of some engines only if any are named.
+    """Run the cases of studies that a folder lacks, of some engines only if any are named, by ``workers``.
 
     There is a progress bar a study, and a line that counts its failures. Timed cases run in a process of this
     machine with nothing beside it, after all others. So is one run again whose process was killed from
@@ -37,14 +34,13 @@ def run_cases(
             wanted[name] = {case.key: case for case in cases if not engines or case.engine in engines}
         every = {key: case for asked in wanted.values() for key, case in asked.items()}
         lacking = {key: every[key] for key in every if lacks(there.get(key), retry_failed)}
-        columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=progress_console(), disable=not lacking) as progress:
+        with Progress(console=progress_console(), disable=not lacking) as progress:
             bars = {
                 name: progress.add_task(name, total=len(asked), completed=len(asked.keys() - lacking))
                 for name, asked in wanted.items()
             }
 
-            def run(keys: Iterable[str], where: Workers, last: bool) -> None:
+            def run(keys: Iterable[str], where: Any, last: bool) -> None:
                 for call, result in where.results(Call.answer, [Call(key, lacking[key]) for key in keys]):
                     died = isinstance(result, Ended)
                     row, curves = (ended(call.case, result.status, result), {}) if died else result

@@ -206,7 +206,12 @@ def summary(scene: Scene, run: Trajectory, transient: float, revolutions: float)
     turns, body = transient + revolutions, scene.turning_body
     first = round((len(run.time_s) - 1) * transient / turns)
     if not run.contacts:
-        return _largest_loads(run, first)
+        joints = {name: np.hypot(*force.T) for name, force in run.joint_force_N.items()}
+        loads = {f"largest_joint_{name}_force_N": force for name, force in joints.items()}
+        loads |= {f"largest_{name}_normal_force_N": force for name, force in run.guide_force_N.items()}
+        if run.driver_torque_N_m is not None:
+            loads["largest_driver_torque_N_m"] = run.driver_torque_N_m
+        return {name: float(np.abs(load[first:]).max()) for name, load in loads.items()}
     turn_s, from_s = scene.end_time_s / turns, run.time_s[first]
     touch_s, speed, impulse = _touches(run, from_s)
     late = replace(run, position=run.position[first:], velocity=run.velocity[first:])
@@ -238,15 +243,6 @@ def summary(scene: Scene, run: Trajectory, transient: float, revolutions: float)
         "impact_phase_cosine": _mean(np.cos(phase)),
         "impact_phase_sine": _mean(np.sin(phase)),
     }
-
-
-def _largest_loads(run: Trajectory, first: int) -> dict[str, float]:
-    joints = {name: np.hypot(*force.T) for name, force in run.joint_force_N.items()}
-    loads = {f"largest_joint_{name}_force_N": force for name, force in joints.items()}
-    loads |= {f"largest_{name}_normal_force_N": force for name, force in run.guide_force_N.items()}
-    if run.driver_torque_N_m is not None:
-        loads["largest_driver_torque_N_m"] = run.driver_torque_N_m
-    return {name: float(np.abs(load[first:]).max()) for name, load in loads.items()}
 
 
 def _mean(values: FloatArray) -> float:

@@ -29,13 +29,9 @@ FROM_OUTSIDE = ("SIGTERM", "SIGINT", "SIGKILL", "SIGHUP", "SIGQUIT")
 #: A process that has not imported what a call needs within this time never will; one that has closed its pipe
 #: is dead within that time, in s.
 BEGINNING_S, DYING_S = 600.0, 5.0
-#: Of the last line that a process said, so many characters are told.
-SHOWN_WORDS = 200
 #: What a process begins with: before it imports anything it has our path, so that no file in the current
 #: folder, such as ``array.py``, takes the place of a module of Python's.
 BEGIN = "import sys; sys.path[:] = sys.argv[3:]; from studies.workers import serve; serve(*sys.argv[1:3])"
-#: The option of Linux's prctl by which the kernel ends a process whose parent is no more.
-PR_SET_PDEATHSIG = 1
 
 
 class Ended(SimulationFailed):
@@ -114,7 +110,7 @@ class Worker:
         name = signal.Signals(-code).name if code < 0 else ""
         reason = f"killed by {name}" if name else f"ended with exit code {code}"
         if said:
-            reason += f": {said[-1][:SHOWN_WORDS]}"
+            reason += f": {said[-1][:200]}"
         if name in FROM_OUTSIDE:
             return Ended(KILLED, reason)
         return Ended(CRASHED, reason) if begun else Failed(f"no process can begin: {reason}")
@@ -182,7 +178,7 @@ def serve(pipe: str, parent: str) -> None:
     """Answer calls with ``(value, None)`` or ``(None, error)`` until the parent is no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "linux":  # even while native code hangs with the interpreter's lock; else after a call
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
         if os.getppid() != int(parent):
             return
     calls = Connection(int(pipe))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from studies.case import Case, Row
-from studies.runner import Workers, run_cases
+from studies.runner import run_cases
 from studies.store import FILE, Store
 from tests.helpers.mischief import NAME
 
@@ -75,9 +75,7 @@ class Here:
             yield item, call(item)
 
 
-def run_in(
-    folder: Path, cases: Sequence[Case], workers: Workers | None = None, retry: bool = False
-) -> list[Row]:
+def run_in(folder: Path, cases: Sequence[Case], workers: Any = None, retry: bool = False) -> list[Row]:
     """Run cases of one study into a folder, in this process or by workers, and return all rows there."""
     name = cases[0].study
     run_cases({name: cases}, folder, workers or Here(), retry_failed=retry)
