@@ -26,7 +26,7 @@ __all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "s
 for _name in ("reference_solver", "engine_models", "studies", "reports"):
     _spec = find_spec(_name)
     if _spec is None or Path(__file__).parents[1] not in Path(str(_spec.origin)).parents:
-        _place = None if _spec is None else _spec.origin or [*(_spec.submodule_search_locations or ())]
+        _place = _spec and (_spec.origin or [*(_spec.submodule_search_locations or ())])
         raise ImportError(f"{_name}: expected crankslider's own, got {_place}: rename what is there")
 
 

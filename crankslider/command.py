@@ -332,8 +332,7 @@ def report(results: str = "results", out: str = "report", against: str | None = 
     from reports.page import read_claims, require_replaceable, write_report
 
     place = Path(out)
-    with writing("against", Path(against or "")):
-        before = read_claims(Path(against)) if against else {}
+    before = read_claims(Path(against)) if against else {}
     with writing("out", place):
         require_replaceable(place)
         with whole_folder(place) as new:

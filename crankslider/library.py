@@ -21,7 +21,7 @@ from warnings import warn
 import numpy as np
 from pydantic import Field, InstanceOf
 
-from crankslider.run import Comparison, Run, Sweep, require_file, require_outputs, write_file
+from crankslider.run import Comparison, Run, Sweep, Times, require_file, require_outputs, write_file
 from engine_models.engine import (
     MOST_SAMPLES,
     Engine,
@@ -36,7 +36,7 @@ from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
 from engine_models.scene.file import load as load_scene
-from engine_models.scene.format import NonNegative, Positive
+from engine_models.scene.format import NonNegative
 from engine_models.scene.library import ALL_SCENES
 from engine_models.scene.plain_words import expect, one_of, unknown
 from engine_models.scene.scene import Scene
@@ -63,13 +63,10 @@ Jobs = Annotated[int, Field(ge=1, le=1000), in_words()]
 Members = Annotated[int, Field(ge=1, le=100_000), in_words()]
 Seed = Annotated[int, Field(ge=0), in_words()]
 Transient = Annotated[NonNegative, in_words()]
-Number = Annotated[Positive, in_words()]
 Named = Mapping[str, object]
 Values = Annotated[str | Sequence[float], expect("a string or a list of numbers")]
 #: What runs in all engines, in reference solutions and in studies.
 DEFAULT_STEP_S = 1e-5
-#: The output intervals of the run that a comparison shows.
-SHOWN_SAMPLES = 400
 #: A step below this part of the end time is lost to the rounding of time.
 SHORTEST_STEP_PART = 1e-12
 
@@ -112,8 +109,7 @@ def as_toml(value: object) -> object:
 def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = False) -> Engine:
     """Return the engine of this name with the settings given, values or text, the rest at their defaults.
 
-    For a tolerance, an engine that can control its error does so, unless ``method`` is among the settings. If
-    ``step_tolerance`` is among them, it starts with that.
+    For a tolerance it controls its error if it can, from the ``step_tolerance`` given, if no method is given.
     """
     engine = make_engine(name, **settings)
     if not to_tolerance or "method" in settings:
@@ -241,7 +237,7 @@ def compare(
     engines: Sequence[str] = (),
     out: Place | None = None,
     *,
-    error: Number | None = None,
+    error: Times | None = None,
     signal: str | None = None,
     given: str | None = None,
 ) -> Comparison:
@@ -279,7 +275,7 @@ def compare(
             raise Failed(f"no engine finished a run: {' '.join(compared.standings.not_run)}")
         if chosen is not None:
             case = wanted[str(recorded["case"][chosen.Index])]
-            settings = RunSettings(case.run.step_used_s(physics.end_time_s), SHOWN_SAMPLES)
+            settings = RunSettings(case.run.step_used_s(physics.end_time_s), 400)  # to be looked at
             recommended = make_engine(case.engine, **case.settings)
             with suppress(UnsupportedScene, SimulationFailed):
                 made = pool.run(recommended.simulate, physics, settings, limit_s=LIMIT_S)
@@ -305,7 +301,7 @@ def sweep(
     seed: Seed = 0,
     step: Seconds | None = None,
     transient: Transient = 0.0,
-    revolutions: Number = 2.0,
+    revolutions: Times = 2.0,
     settings: Named | None = None,
     jobs: Jobs | None = None,
     scheduler: str | None = None,
@@ -364,8 +360,7 @@ def sweep(
         write_file("plot", plot, swept.plot(show))
     if not (warned := frame[frame["warnings"].fillna("") != ""]).empty:
         count = f"{len(warned)} of {len(frame)} members have warnings (column warnings)"
-        first = warned.iloc[0]
-        warn(f"{count}: member {first['member']}: {first['warnings']}", stacklevel=3)
+        warn(f"{count}: member {warned['member'].iloc[0]}: {warned['warnings'].iloc[0]}", stacklevel=3)
     return swept
 
 
@@ -399,7 +394,6 @@ def run_studies(
     join_engines(engines)
     folder = Path(out)
     with writing("out", folder), _workers(jobs, scheduler) as workers:
-        folder.mkdir(parents=True, exist_ok=True)
         cases = {name: load_study(name).cases(full) for name in studies or STUDIES}
         run_cases(cases, folder, workers, full, engines, retry_failed)
 

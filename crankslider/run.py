@@ -135,7 +135,8 @@ class Run:
         if largest:
             label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
             mark = largest.time_s, largest.force_N, label
-        return time_plot(self.frame, self._title, self.quality.summary(), mark, columns)
+        title = f"{self.scene.name}, {self.engine_name}"
+        return time_plot(self.frame, title, self.quality.summary(), mark, columns)
 
     @check_arguments
     def plot_orbit(self, joint: str) -> "Figure":
@@ -147,7 +148,8 @@ class Run:
             raise BadInput(
                 unknown("joint", joint, clearances, "" if clearances else "a scene with clearance")
             )
-        return orbit_plot(self.frame, joint, clearances[joint].radial_clearance_m, self._title)
+        title = f"{self.scene.name}, {self.engine_name}"
+        return orbit_plot(self.frame, joint, clearances[joint].radial_clearance_m, title)
 
     @check_arguments
     def write(
@@ -249,12 +251,9 @@ class Run:
             lines.append(f"{missed}: more --samples show more, --impacts FILE has every impact's largest")
         return lines
 
-    @property
-    def _title(self) -> str:
-        return f"{self.scene.name}, {self.engine_name}"
-
     def __repr__(self) -> str:
-        return f"Run of {self._title}: {'; '.join([*self.notes(), *self.warnings])}"
+        told = "; ".join([*self.notes(), *self.warnings])
+        return f"Run of {self.scene.name}, {self.engine_name}: {told}"
 
 
 @dataclass(frozen=True)
@@ -377,5 +376,4 @@ def write_file(argument: str, place: str | Path, content: "bytes | Figure") -> N
 
 
 def _newtons(force_N: float) -> str:
-    """Return a force as text, with three digits."""
     return f"{force_N:.3g} N" if force_N < 999.5 else f"{force_N / 1e3:.3g} kN"

@@ -19,7 +19,7 @@ from studies.judges.converged_truth import GRID, converged, followed
 from studies.judges.metrics import signals, with_suffix
 from studies.settings import Rung, configurations, ladder
 
-NAME = "comparison"
+NAME = "compare"
 #: A hundredth of the clearance is a line's width in a picture of the pin's path, a millionth of a crank, or
 #: of the longest lever, what a workshop measures. Where the crank is prescribed so is the ideal slider, and a
 #: torque sensor is good to a thousandth.
@@ -78,9 +78,13 @@ def cases(scene: Scene, column: str, wanted: float, engines: Collection[str]) ->
     """Return of every setting of the engines named, or of all, the recorded run, then the bare one."""
     judged: Row = {"judged_by": column, "wanted_error": wanted}
     rungs = [rung for rung in _rungs(scene) if not engines or rung.arm.engine in engines]
-    recorded = [_case(scene, rung, SAMPLES, judged) for rung in rungs]
-    timed = [_case(scene, rung, 1, {**judged, "round": 0}) for rung in rungs]
-    return list({str(one.head()): one for one in recorded + timed}.values())  # two rungs may be one step
+    out = []
+    for samples, timed in ((SAMPLES, {}), (1, {"round": 0})):
+        for rung in rungs:
+            run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
+            columns = {**judged, "motion_alone": arms.gives_motion_alone(rung.arm), **timed}
+            out.append(Case(NAME, scene, rung.arm, run, rung.added, bool(timed), LIMIT_S, columns))
+    return list({str(one.head()): one for one in out}.values())  # two rungs may be one step
 
 
 def _rungs(scene: Scene) -> list[Rung]:
@@ -95,12 +99,6 @@ def _rungs(scene: Scene) -> list[Rung]:
         rungs += [several[k] for k in (chosen[1:-1] if len(several) > SETTINGS else chosen)]
     there = {rung.arm.engine for rung in rungs}
     return rungs + [Rung(arm, scene.end_time_s) for arm in AS_THEY_COME if arm.engine not in there]
-
-
-def _case(scene: Scene, rung: Rung, samples: int, columns: Row) -> Case:
-    run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
-    columns = {**columns, "motion_alone": arms.gives_motion_alone(rung.arm)}
-    return Case(NAME, scene, rung.arm, run, rung.added, "round" in columns, LIMIT_S, columns)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,6 @@ from studies.judges.converged_truth import converged, solved
 from studies.judges.convergence import observed_order
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
 from studies.judges.metrics import constraint_violation_m
-
-Subject = TypeVar("Subject")
 
 SAMPLES = 40
 #: End and step in s of library scenes whose speed is constant, up to just before their second impact, and of
@@ -42,13 +40,11 @@ LEDGER = 2e-3
 PLACE_M, STRENGTH = 5e-5, 0.1
 #: Smooth motion on which orders are measured, and until when in s.
 SMOOTH, SMOOTH_END_S = "ideal-free", 0.1
-#: The longest step in s, and how often it is halved.
-LONGEST_S, HALVINGS = 2e-4, 6
+#: The longest step in s, how often it is halved, and how far the order may be from what is stated.
+LONGEST_S, HALVINGS, ORDER = 2e-4, 6, 0.1
 #: To what the truth is known in m. It is as much as roundings of 0.2 m add up to by chance in the finest run:
 #: the root of its 32 000 steps times 4e-17 m.
 KNOWN_TO_M = 1e-14
-#: How far the order may be from what is stated.
-ORDER = 0.1
 #: Sharpened so often, an engine's error falls by so much at least, its tolerance by 1000; or to so many m.
 SHARPENINGS, GAIN, SHARP_M = 3, 100.0, 2e-12
 
@@ -266,7 +262,7 @@ def verdicts(engine: Engine, scenes: Iterable[str] = ("", *ALL_SCENES)) -> Itera
         yield from (Verdict(claim, name, *tried(holds, trial)) for claim, holds in CLAIMS.items())
 
 
-def tried(claim: Callable[[Subject], Finding], subject: Subject) -> Finding:
+def tried(claim: Callable[[Any], Finding], subject: Engine | Trial) -> Finding:
     """Return what a claim found; it does not hold where the engine raises anything, unless it refuses."""
     try:
         return claim(subject)

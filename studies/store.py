@@ -33,10 +33,7 @@ commit;
 
 
 class Store:
-    """The file of a folder: any number of readers, one writer (see ``held``).
-
-    One that is none of ours, or damaged, is BadInput; an OSError says that the folder cannot be used.
-    """
+    """The file of a folder: any number of readers, one writer (see ``held``); refused if it is none of ours."""
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from operator import itemgetter
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,9 +28,6 @@ from studies.case import Case, Curves, Row, Value
 from studies.failures import BadInput
 from studies.judges.closing import closed
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 NAME = "sweep"
 Sample = Literal["grid", "random", "latin-hypercube", "sobol"]
 MOST_MEMBERS = 100_000
@@ -38,10 +35,6 @@ MOST_MEMBERS = 100_000
 TURN_SAMPLES, MOST_SAMPLES = 200, 100_000
 #: How the columns of varied fields begin in the rows that are kept.
 VARIED = "varied "
-#: The columns of how long a member runs, in revolutions, and of its longest step in s.
-LENGTHS = ("transient", "revolutions", "step")
-#: How a member ended.
-ENDS = ("status", "reason", "warnings")
 
 
 def draw_values(
@@ -152,15 +145,15 @@ def member_cases(
     return cases
 
 
-def member_rows(cases: Sequence[Case], fields: Sequence[str], rows: Sequence[Row]) -> "pd.DataFrame":
-    """Return a row per member: its number, the fields that differ, how it ended, and what it did."""
+def member_rows(cases: Sequence[Case], fields: Sequence[str], rows: Sequence[Row]) -> Any:
+    """Return a data frame of a row per member: its number, the fields that differ, how it ended, and what it did."""
     import pandas as pd
 
     by_case = {row["case"]: row for row in rows}
     table = pd.DataFrame([by_case[case.key] for case in cases])
     head = {"member": range(len(table))} | {name: table[VARIED + name] for name in fields}
-    head |= {name: table.get(name) for name in ENDS}
-    others = {*cases[0].head(), *ENDS, "case", "exception"}
+    head |= {name: table.get(name) for name in ("status", "reason", "warnings")}
+    others = {*cases[0].head(), *head, "case", "exception"}
     return pd.DataFrame(head | {name: table[name] for name in table if name not in others})
 
 
@@ -178,7 +171,8 @@ def member(scene: Scene, values: Mapping[str, float], revolutions: float) -> Sce
 def measure(case: Case) -> tuple[Row, Curves]:
     """Simulate a member as ``crankslider simulate`` does, and return what it did, with its warnings."""
     numbers = {name: float(str(value)) for name, value in case.columns.items() if value is not None}
-    transient, revolutions, step_s = (numbers.pop(name, math.inf) for name in LENGTHS)
+    lengths = ("transient", "revolutions", "step")
+    transient, revolutions, step_s = (numbers.pop(name, math.inf) for name in lengths)
     engine = make_engine(case.engine, **case.settings)
     values = {name.removeprefix(VARIED): number for name, number in numbers.items()}
     try:

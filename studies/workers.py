@@ -37,12 +37,9 @@ BEGIN = "import sys; sys.path[:] = sys.argv[3:]; from studies.workers import ser
 class Ended(SimulationFailed):
     """A call's process died, or was killed at its limit; ``status`` is what its row says."""
 
-    def __init__(self, status: str, reason: str) -> None:
-        super().__init__(status, reason)
+    def __init__(self, reason: str, status: str = CRASHED) -> None:
+        super().__init__(reason)
         self.status = status
-
-    def __str__(self) -> str:
-        return str(self.args[1])
 
 
 class Worker:
@@ -75,7 +72,7 @@ class Worker:
             for limit in (BEGINNING_S, limit_s):
                 if not self._pipe.poll(limit):
                     self.close()
-                    raise Ended(TIMED_OUT, f"not finished within the limit of {limit:g} s")
+                    raise Ended(f"not finished within the limit of {limit:g} s", TIMED_OUT)
                 answers.append(self._pipe.recv())
         except (EOFError, OSError):
             raise self._death(process, begun=bool(answers)) from None
@@ -112,8 +109,8 @@ class Worker:
         if said:
             reason += f": {said[-1][:200]}"
         if name in FROM_OUTSIDE:
-            return Ended(KILLED, reason)
-        return Ended(CRASHED, reason) if begun else Failed(f"no process can begin: {reason}")
+            return Ended(reason, KILLED)
+        return Ended(reason) if begun else Failed(f"no process can begin: {reason}")
 
     def kill(self) -> None:
         """End the process, whatever it does, and every other one that a call begins."""
@@ -189,9 +186,8 @@ def serve(pipe: str, parent: str) -> None:
         except EOFError:
             return
         calls.send(True)  # it begins
-        answer: tuple[Any, Exception | None]
         try:
-            answer = call(*args), None
+            answer: Any = call(*args), None
         except (BadInput, Failed, SimulationFailed, UnsupportedScene) as error:
             answer = None, error
         except Exception as error:  # which may be none that can be sent

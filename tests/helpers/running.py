@@ -15,10 +15,7 @@ from studies.store import FILE, Store
 from tests.helpers.mischief import NAME
 
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
-CODE = (
-    f"from studies import case; case.STUDIES = {{'{NAME}': '{NAME}'}};"
-    "from crankslider.command import main; main()"
-)
+CODE = f"from studies import case; case.STUDIES = ['{NAME}'];from crankslider.command import main; main()"
 #: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it.
 HEAR = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
 
