@@ -98,10 +98,7 @@ class Run:
 
     @property
     def largest_contact_force(self) -> ContactForce | None:
-        """The largest normal force after ``start_s`` of all contacts, in impacts and samples.
-
-        None if no pin has touched its bearing, with ideal joints, and with rigid walls.
-        """
+        """The largest normal force after ``start_s``, in impacts and samples; None without, or rigid walls."""
         return self._largest_force(self.start_s)
 
     def _largest_force(self, start_s: float) -> ContactForce | None:
@@ -122,10 +119,7 @@ class Run:
 
     @check_arguments
     def plot(self, columns: Sequence[str] = ()) -> "Figure":
-        """Return a figure of position, velocity, forces and energy over time, or of ``columns`` of the frame.
-
-        The largest contact force is marked, also if it lies between samples.
-        """
+        """Return a figure of motion, forces, the largest marked, and energy, or ``columns``, over time."""
         from reports.run_figures import time_plot
 
         for name in columns:
@@ -276,8 +270,8 @@ class Sweep:
 class Comparison:
     """A comparison of engines on a scene.
 
-    ``results`` has the rows and their curves. ``run`` is the recommended run with more samples, None if there
-    is no recommendation. ``given`` is the scene as it is typed in a command, ``folder`` has the kept rows.
+    ``results`` has the rows and their curves, kept in ``folder``. ``run`` is the recommended one with more
+    samples, if there is one. ``given`` is the scene as it is typed in a command.
     """
 
     scene: Scene

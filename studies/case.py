@@ -119,9 +119,9 @@ def ended(case: Case, status: str, failure: Exception) -> Row:
 
 @cache
 def code_of(engine: str) -> str:
-    """Return a hash of all that decides a number of an engine's cases, as this process first read it.
+    """Return a hash of what decides numbers: code, that of an engine from outside too, and versions beneath.
 
-    That is the project's code and an engine's from outside, byte for byte, and the versions beneath them.
+    It is the code as this process first read it.
     """
     try:
         module = engine_module(engine)

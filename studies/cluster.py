@@ -26,8 +26,7 @@ class Cluster:
             expected = "the package distributed to be installed, got none (try crankslider[cluster])"
             raise BadInput(f"scheduler: expected {expected}") from None
         for logger in ("distributed", "distributed.client", "distributed.core", "tornado.application"):
-            # What they tell with tracebacks, we tell in a line.
-            logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
+            logging.getLogger(logger).setLevel(logging.CRITICAL + 1)  # we tell it in a line
         code = code_of("reference")
         try:
             # Without this a server that says nothing would keep a client for ever.

@@ -33,7 +33,7 @@ commit;
 
 
 class Store:
-    """The file of a folder: any number of readers, one writer (see ``held``); refused if it is none of ours."""
+    """The file of a folder: any number of readers, one writer (see ``held``). Others are refused."""
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)

@@ -146,7 +146,7 @@ def member_cases(
 
 
 def member_rows(cases: Sequence[Case], fields: Sequence[str], rows: Sequence[Row]) -> Any:
-    """Return a data frame of a row per member: its number, the fields that differ, how it ended, and what it did."""
+    """Return a data frame, a row per member: number, fields that differ, how it ended, what it did."""
     import pandas as pd
 
     by_case = {row["case"]: row for row in rows}
