@@ -93,6 +93,8 @@ def read_scene(scene: SomeScene, changes: Named | None = None, end: Seconds | No
         return own.replace(values) if values else own
     if os.path.exists(name := str(scene)):  # pathlib's raises for a name that is too long
         return load_scene(Path(name), values, "with")
+    if "/" in name or name.endswith(".toml"):
+        raise BadInput(f"scene: expected a TOML file that is there, got {shown(name)} (no such file)")
     raise BadInput(unknown("scene", name, scenes, f"{one_of([*scenes])}, or a TOML file"))
 
 

@@ -98,7 +98,7 @@ class Run:
 
     @property
     def largest_contact_force(self) -> ContactForce | None:
-        """The largest normal force after ``start_s``, in impacts and samples; None without, or rigid walls."""
+        """The largest normal force after ``start_s``, in impacts and samples; None of rigid walls."""
         return self._largest_force(self.start_s)
 
     def _largest_force(self, start_s: float) -> ContactForce | None:
