@@ -38,7 +38,7 @@ from engine_models.scene.arguments import Metres, Place, Seconds, check_argument
 from engine_models.scene.file import load as load_scene
 from engine_models.scene.format import NonNegative
 from engine_models.scene.library import ALL_SCENES
-from engine_models.scene.plain_words import expect, one_of, unknown
+from engine_models.scene.plain_words import expect, one_of, shown, unknown
 from engine_models.scene.scene import Scene
 from studies.failures import BadInput, Failed, progress_console, writing
 
