@@ -205,8 +205,8 @@ def truth(scene: SomeScene, *, end: Seconds | None = None, samples: Samples = 12
 
     physics = read_scene(scene, end=end)
     with refusing("no reference solution was found: "):
-        true, repeats = converged(physics, samples)
-        every, count = solved(physics, samples).truth.contacts, followed(physics, samples)
+        true, repeats = converged(physics, samples, judged=True)
+        every, count = solved(physics, samples).truth.contacts, followed(physics, samples, judged=True)
     if not count:
         raise Failed("no reference solution was found: two solutions diverge before the first sample")
     place, end_s, warnings = observed_m(physics, true), true.time_s[count - 1], doubts_of_tables(physics)

@@ -88,7 +88,7 @@ def make_engine(name: str, **settings: object) -> Engine:
     try:
         engine: Engine = kind(**settings)
     except ValidationError as error:
-        raise BadInput(refusal(error, settings, fields(kind))) from None
+        raise BadInput(refusal(error, fields(kind))) from None
     return engine
 
 

@@ -54,11 +54,6 @@ def ledger_J(run: Solution) -> FloatArray:
     return np.asarray(lines - lines[:, :1])
 
 
-def created_J(run: Solution) -> FloatArray:
-    """Return the size of the ledger's sum (s,)."""
-    return np.asarray(np.abs(ledger_J(run).sum(axis=0)))
-
-
 @dataclass(frozen=True)
 class Guard:
     """A run with the mechanism's scales, and its steps: of RK4 by their length, or by their tolerance."""
@@ -106,7 +101,7 @@ class Guard:
         # To the round-off of the energy of mass, length and rate a mechanism is at rest.
         own_J = self.run.mechanism.masses[::3].sum() * (self.scales.length_m * self.scales.rate_s) ** 2
         in_play_J = max(np.abs(ledger_J(self.run)).max(), kinetic_J(self.run.mechanism, self.run.v).max())
-        created, allowed = created_J(self.run), part * in_play_J + ROUND_OFF * own_J
+        created, allowed = np.abs(ledger_J(self.run).sum(axis=0)), part * in_play_J + ROUND_OFF * own_J
         for k in np.flatnonzero(~(created <= allowed))[:1]:
             numbers = {"time_s": self.run.time_s[k], "created_J": created[k], "allowed_J": allowed[k]}
             raise EnergyNotConserved(**numbers, advice=self._advice())

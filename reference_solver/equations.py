@@ -226,13 +226,6 @@ class Equations:
                 mobilities.append(0.0 if row is None else row @ factors.solve(row, np.zeros(len(B)))[0])
         return mobilities
 
-    def accelerations(
-        self, t: float, q: FloatArray, v: FloatArray, phases: Phases = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return {q''} = {A} (n,) and the multipliers {lambda} (m,), equations (3)-(10), as ``required``."""
-        answer = self.required(t, q, v, phases)
-        return answer.accelerations, answer.multipliers
-
     def required(
         self, t: float, q: FloatArray, v: FloatArray, phases: Phases = None, h: float = 0.0, of: Method = RK4
     ) -> Answer:

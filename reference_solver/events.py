@@ -12,15 +12,10 @@ from reference_solver.mechanism.contacts import CLIPPED, CONTACT, FLIGHT
 from reference_solver.run import (
     AT,
     CLIP,
-    DEPENDENT,
-    END,
-    FLIGHT_HEIGHT,
     NEW,
     OLD,
-    REBOUND,
     RELEASE,
     RESUME,
-    SPARE,
     TOUCH,
 )
 from reference_solver.steps import (
@@ -355,55 +350,9 @@ def note_largest(run, rows, contacts, h):
 
 
 @inner
-def look(run, row):
-    """Set a row to what the kernel says of the rigid walls; return whether it could."""
-    return call(run.walls, run.walls_p, run.contacts, run.time, run.at, run.at + row * run.width) < np.inf
-
-
-@inner
-def bounce(run, rows, contacts, k):
-    """Have a pin hit its rigid wall and fly off again; return whether that is all there is to the event.
-
-    It is, where no other pin is at a rigid wall, there is no friction, and this one does not come too slowly
-    or leave for too short a flight. Otherwise nothing is changed, and ``impacts.resolve`` has to do it.
-    """
-    contact, R, S, n = contacts[k], run.rigid_joints, run.wall_rows, run.n
-    simple = contact.phase == FLIGHT and contact.friction == 0.0
-    for i in range(len(contacts)):
-        if i != k and contacts[i].rigid != 0.0:
-            near = gap_of(run, rows, OLD, i).g > -run.lowest * contacts[i].noise
-            simple = simple and contacts[i].phase == FLIGHT and not near
-    if not (simple and look(run, SPARE)):
-        return False
-    at, after, old, kept, j = rows[SPARE], rows[AT], rows[OLD], rows[END], contact.number
-    rate, turning, noise, rate_noise, bare = R + j, 2 * R + j, 3 * R + j, 4 * R + j, 5 * R + j
-    D, W = 7 * R, 7 * R + 2 * S * n  # see ``run.wall_record``
-    speed, mobility, free = at[rate], at[W + j * S + j], W + S * S + S
-    if not (speed > max(at[rate_noise], contact.slowest) and mobility > DEPENDENT * at[bare]):
-        return False
-    impulse = speed * (1.0 + contact.restitution) / mobility
-    for c in range(n):
-        kept[c] = old[n + c]
-        old[n + c] += impulse * at[D + (S + j) * n + c]
-    rebounds = look(run, AT)
-    if rebounds:
-        outward = after[turning]
-        for c in range(n):
-            outward -= after[D + j * n + c] * after[free + c]
-        height = FLIGHT_HEIGHT * run.lowest * after[noise] * max(outward, 0.0)
-        rebounds = outward <= 0.0 or -2.0 * after[rate] >= max(run.shortest_s * outward, np.sqrt(height))
-    if not rebounds:
-        for c in range(n):
-            old[n + c] = kept[c]
-        return False
-    lost = 0.5 * (1.0 - contact.restitution) * speed * impulse
-    old[2 * n] += at[W + S * S + j] * impulse
-    old[2 * n + contact.column] += impulse
-    old[2 * n + contact.column + 1] += lost
-    contact.noise, contact.rate_noise = after[noise], max(at[rate_noise], after[rate_noise])
-    entry = run.events[run.logged]
-    entry.time_s, entry.contact, entry.what, entry.approach = run.time, k, REBOUND, speed
-    entry.impulse, entry.lost, entry.mass = impulse, lost, 1.0 / mobility
-    run.logged += 1
+def resolve(run, state, contacts, k):
+    """Resolve an event on contact k's rigid wall, -1 at the start; return whether the same pins follow."""
+    run.wall = k
+    same = call(run.resolve, state.ctypes.data, run.contacts, run.time, run.at, len(contacts)) == 0.0
     set_gaps(run, run.time, OLD)
-    return True
+    return same

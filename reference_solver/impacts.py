@@ -29,150 +29,66 @@ with the contact's row in B and e applied to that row only, and the loss is (1 -
   a_n = b + (W_nn - W_nt diag(mu f)) F_n, and one set of forces fits as long as all principal minors of this
   matrix are positive; otherwise there is Painleve's paradox.
 
-A pin that hits alone, without friction, and flies off again has its rebound in the loop (``loop.bounce``).
+The loop calls ``resolve`` at such an event. Numba compiles it once for all mechanisms.
 """
 
-from itertools import chain, combinations, product
-from types import SimpleNamespace
-from typing import Any, NamedTuple
+from collections import namedtuple
+from functools import cache, partial
+from typing import Any
 
+import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from reference_solver import failures
 from reference_solver.equations import Answer, Equations
+from reference_solver.kept_files import alone
+from reference_solver.machine_code import ARRAY, call, compiled
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT, FRICTION_LAWS, separation
 from reference_solver.mechanism.points import State
-from reference_solver.run import DEPENDENT, FLIGHT_HEIGHT, OLD, Impact, Run, wall_record
-from reference_solver.tape import Array, FloatArray, Scalar, array
+from reference_solver.run import (
+    CLOSING,
+    CONTACT_RECORD,
+    DENSE,
+    IMPACT,
+    LOG_ROWS,
+    OLD,
+    RUN_RECORD,
+    SLOPES,
+    SPARE,
+    SUPPORT,
+)
+from reference_solver.steps import inner
+from reference_solver.tape import Array, Scalar, array
 from reference_solver.wall_friction import LEAST_MOBILITY
 
-Chosen = NDArray[np.bool_]
-#: How pins of rigid joints answer to impulses and forces at a state: see ``run.wall_record``.
-Walls = Any
-
-
-class ModeChange(NamedTuple):
-    """From this time on the pins of these contacts follow their rigid walls, and the others fly."""
-
-    time_s: float
-    following: tuple[int, ...]
-
-
-EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
-#: Units of the largest term by which complementarity may be missed, part of its diagonal's product below
-#: which a minor is round-off, and slack of signs and limits when a case of sticking or sliding is judged.
-SLACK, LEAST_MINOR, CASE_SLACK = 16 * EPS, 1e-12, 1e-10
-#: Impacts at one time, of pins that hit in turns, after which all that touch take part in one; and events at
-#: one time, per contact: more than a few mean that they have no end.
-MOST_IN_TURNS, EVENTS_AT_ONCE = 100, 20
-#: What a contact may do in an impact: stick, slide with this sign, or open.
-STICK, MINUS, PLUS, OPEN = range(4)
-
-
-# ------------------------------------------------------------------------------ small systems
-
-
-def solve(A: FloatArray, b: FloatArray) -> tuple[FloatArray, bool]:
-    """Return x of A x = b, and whether A has full rank, whatever the units of its rows and columns are."""
-    if not (len(b) and np.isfinite(A).all() and np.isfinite(b).all()):
-        return np.zeros(len(b)), len(b) == 0
-    rows = 1.0 / np.maximum(np.abs(A).max(axis=1), TINY)
-    columns = 1.0 / np.maximum(np.abs(A * rows[:, None]).max(axis=0), TINY)
-    x, _, rank, _ = np.linalg.lstsq(A * rows[:, None] * columns, b * rows, rcond=len(b) * EPS)
-    return columns * x, bool(rank == len(b))
-
-
-def complementary(W: FloatArray, b: FloatArray) -> FloatArray:
-    """Return z >= 0 with W z + b >= 0 and z.(W z + b) = 0, for a W with positive principal minors.
-
-    The solution is unique (Cottle, Pang and Stone 1992); symmetric positive definite is enough. Where
-    round-off leaves several sets of positive z nearly right, the one that violates its signs least is taken,
-    and of equals the smallest. Sets of contacts that repeat one another are left out: fewer will do.
-    """
-    k, best, least = len(b), np.zeros(len(b)), np.inf
-    z, full = solve(W, -b)
-    if full and (z >= 0.0).all():  # all push, as most often
-        return z
-    for size in range(k + 1):
-        for members in map(list, reversed(list(combinations(range(k), size)))):
-            z = np.zeros(k)
-            z[members], full = solve(W[np.ix_(members, members)], -b[members])
-            others = [i for i in range(k) if i not in members]
-            short = np.concatenate([-z[members] * W[members, members], -(W @ z + b)[others]])
-            violation = short.max(initial=0.0)
-            if full and violation < least:
-                best, least = np.maximum(z, 0.0), violation
-            if least <= SLACK * np.abs(b).max(initial=0.0):
-                return best
-    return best
-
-
-def least_minor_ratio(W: FloatArray, plain: FloatArray) -> float:
-    """Return the least ratio of the principal minors of W to those of another matrix, both (k, k).
-
-    Minors of that which are round-off beside the product of its diagonal are left out; 1 with none left.
-    """
-    sets = chain.from_iterable(combinations(range(len(W)), size) for size in range(1, len(W) + 1))
-    parts = [np.ix_(members, members) for members in sets]
-    minors = [(np.linalg.det(W[x]), np.linalg.det(plain[x]), np.diag(plain[x]).prod()) for x in parts]
-    return float(min([1.0, *(minor / of for minor, of, size in minors if of > LEAST_MINOR * size)]))
-
-
-# ---------------------------------------------------------------------------------- one impact
-
-
-def find_impulses(
-    W: FloatArray, u: FloatArray, restitution: FloatArray, friction: FloatArray, tangent: list[int]
-) -> FloatArray:
-    """Return the impulses (m,) of k joints that hit, by the laws above.
-
-    W (m, m) and u (m,) are of their normals, then of tangents where they rub; ``tangent`` (k,) is the number
-    of a joint's row there, or -1.
-    """
-    k, m = len(restitution), len(u)
-    plain = np.zeros(m)
-    plain[:k] = complementary(W[:k, :k], (1.0 + restitution) * u[:k])
-    if m == k or not (plain > 0.0).any():
-        return plain
-    every: tuple[int, ...] = (STICK, MINUS, PLUS, OPEN)
-    for case in product(*(every if row >= 0 else (PLUS, OPEN) for row in tangent)):
-        # One condition per unknown: Lambda = 0 where none of these.
-        A, b = np.eye(m), np.zeros(m)
-        for i, (state, row) in enumerate(zip(case, tangent, strict=True)):
-            if state != OPEN:
-                A[i], b[i] = W[i], -(1.0 + restitution[i]) * u[i]
-            if row >= 0 and state == STICK:
-                A[row], b[row] = W[row], -u[row]
-            elif row >= 0 and state != OPEN:
-                A[row, i] = friction[i] if state == MINUS else -friction[i]
-        rubbed, kept = solve(A, b)
-        after, little, slow = u + W @ rubbed, CASE_SLACK * np.abs(rubbed).max(), CASE_SLACK * np.abs(u).max()
-        for i, (state, row) in enumerate(zip(case, tangent, strict=True)):
-            kept = kept and rubbed[i] >= -little and after[i] + restitution[i] * u[i] >= -slow
-            # What is beyond Coulomb's limit, or slides in the wrong direction.
-            stuck = abs(rubbed[row]) - friction[i] * rubbed[i] - little
-            beyond = stuck, -after[row] - slow, after[row] - slow
-            kept = kept and (row < 0 or state == OPEN or beyond[state] <= 0.0)
-        if kept:
-            # The kinetic energy grows by g0 + s g1 + s^2 g2 on the way s, with g0 <= 0 and g2 >= 0.
-            way, part = rubbed - plain, 1.0
-            g0 = plain @ (u + 0.5 * W @ plain)
-            g1, g2 = way @ (u + W @ plain), 0.5 * way @ W @ way
-            if g0 + g1 + g2 > 0.0:
-                root = np.sqrt(max(float(g1 * g1 - 4.0 * g0 * g2), 0.0))
-                part = -2.0 * g0 / (g1 + root) if g1 > 0.0 else (root - g1) / (2.0 * g2)
-            return np.asarray(plain + min(max(part, 0.0), 1.0) * way)
-    return plain
-
-
-# ------------------------------------------------------------------------------------- walls
+#: Flights that are as high as so many times the distance's round-off take sqrt(2 x 4 x height/a).
+FLIGHT_HEIGHT = 8.0
+#: A contact row that is this small a part of itself once the ideal joints are eliminated depends on them; so
+#: it does on other contacts' rows once these are eliminated.
+DEPENDENT, LEAST_MINOR = 1e-12, 1e-12
+#: Part of the largest term by which complementarity may be missed, and slack of signs and limits when a case
+#: of sticking or sliding is judged.
+SLACK, CASE_SLACK = 16 * float(np.finfo(float).eps), 1e-10
+#: Impacts at one time, of pins that hit in turns, after which all that touch take part in one; events at one
+#: time, per contact: more than a few mean that they have no end; and pivots of complementarity.
+MOST_IN_TURNS, EVENTS_AT_ONCE, MOST_PIVOTS = 100, 20, 1000
+#: What a contact that rubs may do in an impact: stick, or slide by impulses of this sign.
+SLIDES = (0.0, -1.0, 1.0)
+#: What the equations ask of an impulse.
+OFF, EQUAL, ONE_SIDED = 0.0, 1.0, 2.0
+#: Why an event has no answer (see ``Solver``).
+SINGULAR, BLOCKED, PARADOX, UNSETTLED = 1, 2, 3, 4
+#: Numbers of every joint in ``walls_at``, and a row for velocities before an impact.
+PER_JOINT, BEGIN = 6, DENSE
 
 
 def walls_at(equations: Equations, answer: Answer, t: Scalar, q: Array, v: Array) -> list[Scalar]:
-    """Return the numbers of ``wall_record`` at a state of n coordinates, no pin following.
+    """Return how pins of R joints with rigid walls answer to impulses and forces, no pin following.
 
-    ``answer`` is that of the equations there.
+    Of every joint there are distance and round-off (see ``Separation``), the mobility along the normal that
+    free bodies would have, in 1/kg, friction as a part of the normal force, and the inward acceleration. They
+    push along S rows D of {q'}: of every joint the inward normal speed, then of those with friction the
+    tangential one. There are the speeds (S,), W (S, S), which are speeds per unit of each impulse, {q'} per
+    unit of each (S, n), and the work of the drivers (S,). ``answer`` is that of the equations at the state.
     """
     state, system = State(q, v), equations.system(t, q, v)
     joints = [joint for joint in equations.mechanism.contacts if joint.rigid]
@@ -180,188 +96,345 @@ def walls_at(equations: Equations, answer: Answer, t: Scalar, q: Array, v: Array
     tangents = [each.tangent for each, joint in zip(at, joints, strict=True) if joint.friction is not None]
     D = array([*(-each.normal for each in at), *tangents])
     motion, reactions = equations.factors(system.B).solve(D.T, np.zeros((len(system.C), len(D))))
-    W = D @ motion
-    numbers = list[list[Scalar]]()
+    W, numbers = D @ motion, list[list[Scalar]]()
     for each, joint, row in zip(at, joints, D, strict=False):
-        bare = (row * row) @ equations.inverse_mass
-        law = joint.friction
+        bare, law = (row * row) @ equations.inverse_mass, joint.friction
         sliding = each.tangent @ v
         share = 0.0 if law is None else law.coefficient * FRICTION_LAWS[law.law](law, sliding)
-        numbers.append([each.distance, each.rate, each.turning, each.noise, each.rate_noise, bare, share])
-    parts = array(numbers).T, D, motion.T, 0.5 * (W + W.T), reactions.T @ system.C, answer.accelerations
+        pull = row @ answer.accelerations - each.turning
+        numbers.append([each.distance, each.noise, each.rate_noise, bare, share, pull])
+    speeds = array([*(-each.rate for each in at), *(tangent @ v for tangent in tangents)])
+    parts = array(numbers), speeds, 0.5 * (W + W.T), motion.T, reactions.T @ system.C
     return [x for part in parts for x in np.asarray(part).ravel()]
 
 
-def at_rest(walls: Walls) -> Chosen:
-    """Return which pins have no normal speed but round-off."""
-    return np.asarray(np.abs(walls.rate) <= walls.rate_noise)
+#: An event's run, contacts and rows; speeds u (S,) and W (S, S); the equations (S, S + 4), their right-hand
+#: side and solution, and impulses without friction.
+Event = namedtuple("Event", "run contacts rows u W A b z plain")
 
 
-def free_to_move(t: float, walls: Walls, chosen: Chosen) -> list[int]:
-    """Return the chosen joints, all of which have a mobility along their normals.
+@inner
+def look(event):
+    """Have the contacts know their walls at a run's state.
 
-    Raises:
-        BlockedImpact: one has none.
+    The round-off of speeds that have come out of faster ones is that of the fastest.
     """
-    joints = np.flatnonzero(chosen)
-    if (np.diag(walls.W)[joints] < DEPENDENT * walls.bare[joints]).any():
-        raise failures.BlockedImpact(time_s=t)
-    return [int(j) for j in joints]
+    run = event.run
+    if not call(run.walls, run.walls_p, run.contacts, run.time, run.at, run.at + SPARE * run.width) < np.inf:
+        run.fault = SINGULAR
+    for contact in event.contacts:
+        if contact.rigid != 0.0:
+            j, at = contact.joint, event.rows[SPARE, PER_JOINT * contact.joint :]
+            contact.distance, contact.noise, contact.rate = at[0], at[1], -event.u[j]
+            contact.rate_noise = max(contact.rate_noise, at[2])
+            contact.rests = abs(contact.rate) <= contact.rate_noise
+            contact.bare, contact.share, contact.pull = at[3], at[4], at[5]
 
 
-# ------------------------------------------------------------------------------------ events
+@inner
+def speed(event, of, i):
+    """Return the speed along row i that impulses z make of speeds (S,), or the acceleration by forces."""
+    total = of[i]
+    for j in range(len(of)):
+        total += event.W[i, j] * event.z[j]
+    return total
 
 
-class Impacts:
-    """A run's events on rigid walls: impacts and changes so far, and which contacts' pins follow.
+@inner
+def energy(event):
+    """Return the kinetic energy that impulses add: each times the mean of the speeds before and after."""
+    total = 0.0
+    for i in range(len(event.z)):
+        total += 0.5 * event.z[i] * (event.u[i] + speed(event, event.u, i))
+    return total
 
-    ``kernel`` is one without such pins; sums are named as in ``Equations.power_names``.
+
+# ------------------------------------------------------------------------------------ complementarity
+
+
+@inner
+def pivot(A, i):
+    """Exchange z_i and w_i of w = A z + b, b being column S; column S + 1 says whether it is exchanged."""
+    p, S = A[i, i], len(A)
+    for r in range(S):
+        if r != i:
+            factor = A[r, i] / p
+            for c in range(S + 1):
+                A[r, c] = A[r, c] - factor * A[i, c] if c != i else factor
+    for c in range(S + 1):
+        A[i, c] = -A[i, c] / p if c != i else 1.0 / p
+    A[i, S + 1] = 1.0 - A[i, S + 1]
+
+
+@inner
+def solve(event, kind):
+    """Set z to impulses or forces of the chosen contacts, w = W z + b being what they make of b (S,).
+
+    Of normals z >= 0, w >= 0 and z.w = 0 where their ``kind`` is ONE_SIDED, else w = 0, as of tangents that
+    stick; other tangents have a ``part`` of their normals. Return success. By principal pivots, of the least
+    index (Murty 1974): the solution is unique for a matrix with positive principal minors (Cottle, Pang and
+    Stone 1992). Symmetric positive definite is enough. Contacts that repeat others are left out.
     """
-
-    def __init__(self, equations: Equations, sums: list[str], kernel: Any) -> None:
-        self._equations, self._kernel = equations, kernel
-        self._contact = [k for k, joint in enumerate(equations.mechanism.contacts) if joint.rigid]
-        self._column = [sums.index(f"normal{k}") for k in self._contact]
-        rigid = [equations.mechanism.contacts[k] for k in self._contact]
-        self._restitution = np.array([joint.law.restitution for joint in rigid])
-        self._slowest = np.array([joint.law.minimum_impact_speed_m_s for joint in rigid])
-        laws = [joint.friction for joint in rigid]
-        self._friction = np.array([0.0 if law is None else law.coefficient for law in laws])
-        rows = np.cumsum([law is not None for law in laws]) + len(rigid) - 1
-        self._tangent = [-1 if law is None else int(row) for law, row in zip(laws, rows, strict=True)]
-        R, S, n = len(rigid), len(rigid) + sum(law is not None for law in laws), equations.n
-        self._record = wall_record(R, S, n)
-        self._noise, self._at_once, self._last_s = np.zeros(R), 0, -1.0
-        self.following: tuple[int, ...] = ()
-        self.impacts, self.changes, self.resolved = list[Impact](), list[ModeChange](), 0
-
-    def resolve(self, run: Run) -> None:
-        """Let the pins that touch rigid walls hit, follow or leave; the run tells whose event it is.
-
-        Raises:
-            SingularConfiguration, BlockedImpact, PainleveParadox, UnsettledEvents: it says when.
-        """
-        state, contacts = run.state[0], run.contacts[self._contact]
-        t, touched = float(state["time"]), int(state["wall"])
-        self._at_once = self._at_once + 1 if t == self._last_s else 1
-        self._last_s, self.resolved = t, self.resolved + 1
-        if self._at_once > EVENTS_AT_ONCE * len(run.contacts):
-            raise failures.UnsettledEvents(time_s=t, joint=touched)
-        self._noise[:] = 0.0
-        walls, mine = self._walls(run), np.array(self._contact) == touched
-        follows = contacts["phase"] != FLIGHT
-        released = mine & follows
-        near = contacts["clearance"] - 0.5 * state["lowest"] * walls.noise
-        touches, turns, moved = follows | (walls.distance >= near), 0, True
-        while moved and turns <= MOST_IN_TURNS:
-            hits = touches & (walls.rate > walls.rate_noise) & ~follows
-            if not hits.any():
+    A, z, S, scale = event.A, event.z, len(event.b), 0.0
+    for i in range(S):
+        for j in range(S):
+            A[i, j] = event.W[i, j]
+        A[i, S], A[i, S + 1], A[i, S + 3], scale = event.b[i], 0.0, OFF, scale + abs(event.b[i])
+    for contact in event.contacts:
+        if contact.chosen != 0.0:
+            A[contact.joint, S + 3] = kind
+            if event.W[contact.joint, contact.joint] < DEPENDENT * contact.bare:
+                event.run.fault = BLOCKED
+            if contact.sticks != 0.0:
+                A[contact.tangent, S + 3] = EQUAL
+            if contact.part != 0.0:
+                for i in range(S):
+                    A[i, contact.joint] += contact.part * event.W[i, contact.tangent]
+    for i in range(S):
+        A[i, S + 2] = event.W[i, i]
+        if A[i, S + 3] == EQUAL and A[i, i] > LEAST_MINOR * A[i, S + 2]:
+            pivot(A, i)
+    for _ in range(MOST_PIVOTS):
+        i = 0
+        while i < S:
+            unit = 1.0 if A[i, S + 1] == 0.0 else A[i, S + 2]
+            repeats = A[i, S + 1] == 0.0 and abs(A[i, i]) <= LEAST_MINOR * A[i, S + 2]
+            if A[i, S + 3] == ONE_SIDED and A[i, S] * unit < -SLACK * scale and not repeats:
                 break
-            takes_part, before = touches & (walls.rate >= -walls.rate_noise), run.v.copy()
-            walls = self._hit(run, walls, touches if turns == MOST_IN_TURNS else takes_part, hits)
-            turns, moved, follows = turns + 1, bool((run.v != before).any()), follows & at_rest(walls)
-        force, _ = self._press(t, walls, touches & at_rest(walls) & ~released)
-        phase = np.where(force > 0.0, CONTACT, FLIGHT)
-        for name, values in (("phase", phase), ("noise", walls.noise), ("rate_noise", walls.rate_noise)):
-            run.contacts[name][self._contact] = values
-        if turns == 0:
-            run.contacts["ignored"][self._contact] = mine & ~released & (phase == FLIGHT)
-        following = tuple(k for k, there in zip(self._contact, force > 0.0, strict=True) if there)
-        if following != self.following:
-            self.following = following
-            self.changes.append(ModeChange(t, following))
+            i += 1
+        if i == S or A[i, i] <= 0.0:
+            break
+        pivot(A, i)
+    for j in range(S):
+        z[j] = 0.0 if A[j, S + 1] == 0.0 else max(A[j, S], 0.0) if A[j, S + 3] == ONE_SIDED else A[j, S]
+    for contact in event.contacts:
+        if contact.chosen != 0.0 and contact.part != 0.0:
+            z[contact.tangent] = contact.part * z[contact.joint]
+    return i == S
 
-    def _walls(self, run: Run) -> Walls:
-        """Return the walls at a run's state; round-off of speeds from faster ones is that of the fastest."""
-        at, t, p = np.zeros(1, self._record), float(run.state["time"][0]), self._kernel.p
-        look = self._kernel.functions["walls"]
-        if not look(p, run.contacts.ctypes.data, t, run.rows[OLD], at) < np.inf:
-            self._equations.refuse_singular(t, run.q)
-        walls = SimpleNamespace(**{name: at[name][0] for name in self._record.names or ()})
-        walls.rate_noise = self._noise = np.maximum(self._noise, walls.rate_noise)
-        return walls
 
-    def _hit(self, run: Run, walls: Walls, takes_part: Chosen, hits: Chosen) -> Walls:
-        """Have joints hit at once, those with ``hits`` by their restitution; return the walls after that.
+# ------------------------------------------------------------------------------------------ one impact
 
-        The impulses are entered in the log and in the ledger.
-        """
-        start, wanted = run.v.copy(), np.where(hits, self._restitution, 0.0)
-        t, closes = float(run.state["time"][0]), np.zeros(len(hits), dtype=bool)
-        while True:
-            impulses = self._collide(run, walls, takes_part, wanted)
-            after = self._walls(run)
-            short = self._short(run, after, takes_part)
-            late = takes_part & (wanted > 0.0) & ((walls.rate < self._slowest) | short)
-            if closes.any() or not late.any():
-                break
-            closes, wanted = late, np.where(late, 0.0, wanted)
-            run.v[:] = start
-        for j in np.flatnonzero(takes_part):
-            normal, tangential, lost = (float(part[j]) for part in impulses)
-            row, column = self._tangent[j], self._column[j]
-            run.sums[0] += walls.drivers[j] * normal + (walls.drivers[row] * tangential if row >= 0 else 0.0)
-            run.sums[column] += normal
-            run.sums[column + (2 if closes[j] else 1)] += lost
-            if normal != 0.0:
-                kind = "closing" if closes[j] else "impact" if hits[j] else "support"
-                numbers = 0.0, float(walls.rate[j]), normal, tangential, lost, float(1.0 / walls.W[j, j])
-                self.impacts.append(Impact(t, self._contact[j], kind, *numbers))
-        leaves = takes_part & (after.rate < -after.rate_noise) & short
-        if not leaves.any():
-            return after
-        # Pins that another's impact throws off for too short a flight are kept on their walls.
-        joints = free_to_move(t, after, leaves | (takes_part & at_rest(after)))
-        u = after.D[joints] @ run.v
-        impulse, _ = solve(after.W[np.ix_(joints, joints)], -u)
-        run.v[:] += impulse @ after.motion[joints]
-        columns = np.array([self._column[j] for j in joints])
-        run.sums[0] += after.drivers[joints] @ impulse
-        run.sums[columns] += impulse
-        run.sums[columns + 2] -= 0.5 * impulse * u  # u becomes 0
-        return self._walls(run)
 
-    def _collide(
-        self, run: Run, walls: Walls, chosen: Chosen, restitution: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Change velocities by the impact of the chosen joints; return their impulses and losses, (R,)."""
-        joints = free_to_move(float(run.state["time"][0]), walls, chosen)
-        rubbing = [j for j in joints if self._friction[j] > 0.0]
-        rows = [*joints, *(self._tangent[j] for j in rubbing)]
-        tangent = [len(joints) + rubbing.index(j) if j in rubbing else -1 for j in joints]
-        W, u = walls.W[np.ix_(rows, rows)], walls.D[rows] @ run.v
-        impulse = find_impulses(W, u, restitution[joints], self._friction[joints], tangent)
-        run.v[:] += impulse @ walls.motion[rows]
-        lost = -(impulse * (u + 0.5 * W @ impulse))  # times the mean of the speeds before and after
-        normals, tangentials, losses = np.zeros((3, len(chosen)))
-        normals[joints], losses[joints] = impulse[: len(joints)], lost[: len(joints)]
-        tangentials[rubbing] = impulse[len(joints) :]
-        losses[rubbing] += lost[len(joints) :]
-        return normals, tangentials, losses
+@inner
+def rub(event):
+    """Find the impulses with friction, by the first case that keeps its conditions, or else those without.
 
-    def _press(self, t: float, walls: Walls, chosen: Chosen) -> tuple[FloatArray, FloatArray]:
-        """Return inward forces (R,) on the chosen joints, without normal speed, and accelerations (n,)."""
-        joints, force = free_to_move(t, walls, chosen), np.zeros(len(chosen))
-        if not joints:
-            return force, walls.free
-        plain = walls.W[np.ix_(joints, joints)]
-        matrix, share = plain.copy(), walls.share[joints]
-        rubbing = np.flatnonzero(share)
-        tangents = [self._tangent[joints[i]] for i in rubbing]
-        matrix[:, rubbing] -= share[rubbing] * walls.W[np.ix_(joints, tangents)]
-        if len(rubbing) and least_minor_ratio(matrix, plain) <= LEAST_MOBILITY:
-            names = failures.listed([str(self._contact[joints[i]]) for i in rubbing])
-            raise failures.PainleveParadox(time_s=t, joints=names)
-        pushes = complementary(matrix, walls.D[joints] @ walls.free - walls.turning[joints])
-        force[joints] = pushes
-        rubs = (share * pushes)[rubbing] @ walls.motion[tangents]
-        return force, walls.free + pushes @ walls.motion[joints] - rubs
+    They may not let the kinetic energy grow: on the way s from those without it does so by
+    g0 + s g1 + s^2 g2, with g0 <= 0 and g2 >= 0.
+    """
+    z, plain, S, cases, fastest = event.z, event.plain, len(event.z), 1, 0.0
+    for i in range(S):
+        plain[i], fastest = z[i], max(fastest, abs(event.u[i]))
+    g0 = energy(event)
+    for contact in event.contacts:
+        cases *= 3 if contact.chosen != 0.0 and contact.coefficient > 0.0 else 1
+    for case in range(cases):
+        left, little = case, 0.0
+        for contact in event.contacts:
+            if contact.chosen != 0.0 and contact.coefficient > 0.0:
+                contact.part, contact.sticks = contact.coefficient * SLIDES[left % 3], left % 3 == 0
+                left //= 3
+        kept = solve(event, ONE_SIDED)
+        for i in range(S):
+            little = max(little, CASE_SLACK * abs(z[i]))
+        for contact in event.contacts:
+            if contact.chosen != 0.0 and contact.sticks != 0.0:  # within Coulomb's limit
+                limit = contact.coefficient * z[contact.joint] + little
+                kept = kept and abs(z[contact.tangent]) <= limit
+            elif contact.chosen != 0.0 and contact.part != 0.0:  # against the sliding
+                after = speed(event, event.u, contact.tangent)
+                kept = kept and (after if contact.part > 0.0 else -after) <= CASE_SLACK * fastest
+        if kept:
+            grown, g1, part = energy(event), 0.0, 1.0
+            for i in range(S):
+                event.b[i], z[i] = z[i] - plain[i], plain[i]  # the way
+            if grown > 0.0:
+                for i in range(S):
+                    g1 += event.b[i] * speed(event, event.u, i)
+                g2 = grown - g0 - g1
+                root = np.sqrt(max(g1 * g1 - 4.0 * g0 * g2, 0.0))
+                part = -2.0 * g0 / (g1 + root) if g1 > 0.0 else (root - g1) / (2.0 * g2)
+            for i in range(S):
+                z[i] += min(max(part, 0.0), 1.0) * event.b[i]
+            return
+    for i in range(S):
+        z[i] = plain[i]
 
-    def _short(self, run: Run, walls: Walls, takes_part: Chosen) -> Chosen:
-        """Return which pins, leaving their walls, would be back too soon."""
-        state = run.state[0]
-        _, pushed = self._press(float(state["time"]), walls, takes_part & at_rest(walls))
-        outward = walls.turning - walls.D[: len(walls.rate)] @ pushed
-        height = FLIGHT_HEIGHT * state["lowest"] * walls.noise * np.maximum(outward, 0.0)
-        shortest = np.maximum(state["shortest_s"] * outward, np.sqrt(height))
-        return np.asarray((outward > 0.0) & (2.0 * np.maximum(-walls.rate, 0.0) < shortest))
+
+@inner
+def change(event):
+    """Change velocities by the impulses z, which the contacts get, with what each loses."""
+    run, rows, n, S = event.run, event.rows, event.run.n, len(event.z)
+    first = PER_JOINT * run.rigid_joints + S + S * S
+    for c in range(n):
+        rows[BEGIN, c] = rows[OLD, n + c]
+    for i in range(S):
+        for c in range(n):
+            rows[OLD, n + c] += event.z[i] * rows[SPARE, first + i * n + c]
+    for contact in event.contacts:
+        contact.normal = contact.tangential = contact.lost = 0.0
+        if contact.chosen != 0.0:
+            j, row = contact.joint, contact.tangent
+            contact.normal = event.z[j]
+            contact.lost = -0.5 * event.z[j] * (event.u[j] + speed(event, event.u, j))
+            if row >= 0:
+                contact.tangential = event.z[row]
+                contact.lost -= 0.5 * event.z[row] * (event.u[row] + speed(event, event.u, row))
+    for i in range(S):
+        rows[OLD, 2 * n] += event.z[i] * rows[SPARE, first + S * n + i]
+
+
+@inner
+def choose(contact, chosen):
+    """Have a contact take part in the equations, or not, without friction."""
+    contact.chosen, contact.part, contact.sticks = chosen, 0.0, 0.0
+
+
+@inner
+def press(event):
+    """Find the inward forces on the chosen contacts, which have no normal speed."""
+    event.b[:] = 0.0
+    for contact in event.contacts:
+        if contact.rigid != 0.0:
+            j, contact.part = contact.joint, -contact.share
+            event.b[j], minor = contact.pull, event.W[j, j] + contact.part * event.W[j, contact.tangent]
+            if contact.chosen != 0.0 and not minor > LEAST_MOBILITY * event.W[j, j]:
+                event.run.fault = PARADOX
+    if not solve(event, ONE_SIDED):
+        event.run.fault = PARADOX
+
+
+@inner
+def collide(event):
+    """Change velocities by an impact, and find which pins, leaving their walls, would be back too soon."""
+    rubs, run = False, event.run
+    for i in range(len(event.b)):
+        event.b[i] = event.u[i]
+    for contact in event.contacts:
+        choose(contact, contact.takes_part)
+        if contact.chosen != 0.0:
+            event.b[contact.joint] *= 1.0 + contact.wanted
+            rubs = rubs or contact.coefficient > 0.0
+    solve(event, ONE_SIDED)
+    if rubs:
+        rub(event)
+    change(event)
+    look(event)
+    for contact in event.contacts:
+        choose(contact, contact.takes_part != 0.0 and contact.rests != 0.0)
+    press(event)
+    for contact in event.contacts:
+        if contact.takes_part != 0.0:
+            outward = -speed(event, event.b, contact.joint)
+            height = FLIGHT_HEIGHT * run.lowest * contact.noise * max(outward, 0.0)
+            shortest = max(run.shortest_s * outward, np.sqrt(height))
+            contact.short = outward > 0.0 and 2.0 * max(-contact.rate, 0.0) < shortest
+
+
+@inner
+def hit(event):
+    """Have those that take part hit at once, and those with ``hits`` rebound; log and ledger get that."""
+    run, rows, again, thrown = event.run, event.rows, False, False
+    sums = rows[OLD, 2 * run.n :]
+    work = sums[0]
+    for contact in event.contacts:
+        contact.approach, contact.closes = contact.rate, 0.0
+        contact.wanted = contact.restitution if contact.hits != 0.0 else 0.0
+    collide(event)
+    for contact in event.contacts:
+        late = contact.approach < contact.slowest or contact.short != 0.0
+        if contact.takes_part != 0.0 and contact.wanted > 0.0 and late:
+            contact.closes, contact.wanted, again = 1.0, 0.0, True
+    if again:
+        for c in range(run.n):
+            rows[OLD, run.n + c] = rows[BEGIN, c]
+        sums[0] = work
+        look(event)
+        collide(event)
+    for contact in event.contacts:
+        if contact.takes_part == 0.0:
+            continue
+        sums[contact.column] += contact.normal
+        sums[contact.column + (2 if contact.closes != 0.0 else 1)] += contact.lost
+        if contact.normal != 0.0:
+            entry = run.events[run.logged]
+            entry.time_s, entry.contact, entry.approach = run.time, contact.number, contact.approach
+            entry.what = CLOSING if contact.closes != 0.0 else IMPACT if contact.hits != 0.0 else SUPPORT
+            entry.impulse, entry.tangential, entry.lost = contact.normal, contact.tangential, contact.lost
+            entry.mass = 1.0 / event.W[contact.joint, contact.joint]
+            run.logged += 1
+        leaves = contact.rate < -contact.rate_noise and contact.short != 0.0
+        choose(contact, leaves or contact.rests != 0.0)
+        thrown = thrown or leaves
+    if thrown:  # pins that another's impact throws off for too short a flight are kept on their walls
+        for i in range(len(event.b)):
+            event.b[i] = event.u[i]
+        solve(event, EQUAL)
+        change(event)
+        for contact in event.contacts:
+            if contact.chosen != 0.0:
+                sums[contact.column] += contact.normal
+                sums[contact.column + 2] += contact.lost
+        look(event)
+
+
+def resolve(state, contacts, t, at, count):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """Let pins that touch hit, follow or leave; return 1 where others follow now or none can, else 0."""
+    run, contacts = numba.carray(state, 1)[0], numba.carray(contacts, count)
+    rows, n, S = numba.carray(at, (SLOPES, run.width // 8)), run.n, run.wall_rows
+    speeds = rows[SPARE, PER_JOINT * run.rigid_joints :]
+    W, room = speeds[S : S + S * S].reshape(S, S), np.zeros((S, S + 4))
+    event = Event(run, contacts, rows, speeds[:S], W, room, np.zeros(S), np.zeros(S), np.zeros(S))
+    run.at_once = run.at_once + 1 if run.time == run.last_s else 1
+    run.last_s, run.settled = run.time, run.settled + 1
+    if run.at_once > EVENTS_AT_ONCE * count:
+        run.fault = UNSETTLED
+        return 1.0
+    for contact in contacts:
+        contact.rate_noise = 0.0
+        choose(contact, 0.0)
+    look(event)
+    for contact in contacts:
+        if contact.rigid != 0.0:
+            near = contact.clearance - 0.5 * run.lowest * contact.noise
+            contact.follows = contact.phase != FLIGHT
+            contact.released = contact.follows if contact.number == run.wall else 0.0
+            contact.touches = contact.follows != 0.0 or contact.distance >= near
+    turns, moved, most = 0, True, min(MOST_IN_TURNS, LOG_ROWS // 2 // run.rigid_joints - 1)
+    while moved and turns <= most and run.fault == 0:
+        comes, moved = False, False
+        for contact in contacts:
+            touches = contact.touches != 0.0
+            contact.hits = touches and contact.rate > contact.rate_noise and contact.follows == 0.0
+            contact.takes_part = touches and (contact.rate >= -contact.rate_noise or turns == most)
+            comes = comes or contact.hits != 0.0
+        if not comes:
+            break
+        hit(event)
+        turns += 1
+        for c in range(n):
+            moved = moved or rows[BEGIN, c] != rows[OLD, n + c]
+        for contact in contacts:
+            contact.follows = contact.follows != 0.0 and contact.rests != 0.0
+    for contact in contacts:
+        choose(contact, contact.touches != 0.0 and contact.rests != 0.0 and contact.released == 0.0)
+    press(event)
+    changes = run.fault != 0
+    for contact in contacts:
+        if contact.rigid != 0.0:
+            phase = CONTACT if event.z[contact.joint] > 0.0 else FLIGHT
+            stays = contact.number == run.wall and contact.released == 0.0 and phase == FLIGHT
+            contact.ignored = 1.0 if turns == 0 and stays else contact.ignored if turns > 0 else 0.0
+            changes = changes or contact.phase != phase
+            contact.phase = phase
+    return 1.0 if changes else 0.0
+
+
+@cache
+def resolver() -> Any:
+    """Return ``resolve``, compiled."""
+    run, contact = (numba.types.CPointer(numba.from_dtype(of)) for of in (RUN_RECORD, CONTACT_RECORD))
+    kind = numba.float64(run, contact, numba.float64, ARRAY, numba.int64)
+    with alone("resolve"):
+        return compiled(by=partial(numba.cfunc, kind), error_model="numpy")(resolve)

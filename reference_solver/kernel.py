@@ -17,7 +17,7 @@ from itertools import count
 import numpy as np
 
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.impacts import walls_at
+from reference_solver.impacts import resolver, walls_at
 from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, parameters_text
 from reference_solver.mechanism.contacts import gap
 from reference_solver.mechanism.lifting import lifted
@@ -255,6 +255,6 @@ class Kernel:
         """Have a run call these functions."""
         run.state["p"] = self.p
         if "walls" in self.functions:
-            run.state["walls_p"] = self.p
+            run.state["walls_p"], run.state["resolve"] = self.p, resolver().address
         for name in FUNCTIONS.keys() & self.functions.keys():
             run.state["step_function" if name == "step" else name] = self.functions[name].address

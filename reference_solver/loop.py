@@ -141,6 +141,9 @@ def advance(state, rows, contacts, method, knots, times, samples):
                 closed = contacts[k].phase == FLIGHT and steps.gap_of(run, rows, OLD, k).g > 0.0
                 if run.time == 0.0 and run.end > 0.0 and contacts[k].rigid == 0.0 and closed:
                     events.note(run, rows, contacts, 2 * k)
+            if run.rigid_joints > 0 and run.settled == 0 and run.end > 0.0:
+                if not events.resolve(run, state, contacts, -1):
+                    return WALL
             steps.probe(run, rows, contacts)  # pins may have begun to follow rigid walls
         if method is not None:
             run.known = 1
@@ -156,7 +159,7 @@ def advance(state, rows, contacts, method, knots, times, samples):
         if run.steps >= run.budget:
             return SPENT
         if contacts is not None:
-            if run.logged == len(run.events):
+            if run.logged > len(run.events) // 2:
                 return FULL
             closed = 0
             for k in range(len(contacts)):
@@ -194,8 +197,8 @@ def advance(state, rows, contacts, method, knots, times, samples):
             if event >= 0:
                 if contacts[event // 2].rigid == 0.0:
                     events.note(run, rows, contacts, event)
-                elif not events.bounce(run, rows, contacts, event // 2):
-                    run.wall, run.resumed = event // 2, 0
+                elif not events.resolve(run, state, contacts, event // 2):
+                    run.resumed = 0
                     return WALL
                 if run.controlled != 0 and not steps.set_slopes(run, run.time, OLD, START) < np.inf:
                     return FAILED

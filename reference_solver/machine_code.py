@@ -15,6 +15,7 @@ import hashlib
 import math
 import platform
 import sys
+from collections import defaultdict
 from collections.abc import Callable, Iterable
 from functools import cache, partial, wraps
 from itertools import count
@@ -44,6 +45,8 @@ COMPARED = {">": "ogt", "==": "oeq"}
 #: Functions of one number and of two, by their names on tapes.
 OF_ONE = {"cos": "cos", "sin": "sin", "tanh": "tanh", "sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64"}
 OF_TWO = {"pow": "pow", "copysign": "llvm.copysign.f64"}
+#: What compiles each of the functions of a module that are compiled together.
+_TOGETHER = defaultdict[str, list[Callable[[], Any]]](list)
 #: What texts begin with: the functions that they may call.
 HEAD = "".join(f"declare double @{name}(double)\n" for name in OF_ONE.values())
 HEAD += "".join(f"declare double @{name}(double, double)\n" for name in OF_TWO.values())
@@ -267,9 +270,9 @@ def compile_text(text: str, names: Iterable[str]) -> dict[str, Function]:
 def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: Any) -> Callable[[F], F]:
     """Return what has Numba compile a function, its machine code kept if it can be.
 
-    With its arguments' kinds that is done when Python first calls it, by one process at a time. Numba's own
-    cache knows nothing of other modules' functions in it: so its folder is named by the sources of the
-    function's package and this one.
+    With its arguments' kinds that is done when Python first calls one of its module, for all of these, by one
+    process at a time: what they call in common is compiled once. Numba's own cache knows nothing of other
+    modules' functions in it: so its folder is named by the sources of the function's package and this one.
     """
 
     def made(function: F) -> F:
@@ -279,12 +282,19 @@ def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: An
             folder = private_folder() / f"numba-{digest_of(package)}"
         except (FolderRefused, OSError):
             return cast(F, by(*given, **options)(function))
-        what = f"{folder.name}-{function.__name__}"
-        with patch.object(numba.config, "CACHE_DIR", str(folder)), alone(what):
+        with patch.object(numba.config, "CACHE_DIR", str(folder)):
             return cast(F, by(*given, **options, cache=True)(function))
 
     def later(function: F) -> F:
-        first_made = cache(partial(made, function))
+        module, compile_once = function.__module__, cache(partial(made, function))
+        _TOGETHER[module].append(compile_once)
+
+        @cache
+        def first_made() -> Any:
+            with alone(module):
+                for compile_each in _TOGETHER[module]:
+                    compile_each()
+            return compile_once()
 
         @wraps(function)
         def called(*arguments: Any) -> Any:

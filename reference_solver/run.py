@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference_solver.mechanism.contacts import ClearanceJoint, steepest
+from reference_solver.mechanism.contacts import FLIGHT, ClearanceJoint, steepest
 from reference_solver.methods import Method
 from reference_solver.tape import FloatArray, RecordArray
 
 #: How ``loop.advance`` ends: at the end, with its budget of steps used, with the log full, at a step that met
-#: a singular configuration or overflowed, or at an event on a rigid wall that ``impacts`` is to resolve.
+#: a singular configuration or overflowed, or at an event on a rigid wall from which on other pins follow.
 DONE, SPENT, FULL, FAILED, WALL = range(5)
 
 #: Rows of a run: states at a step's start, at its end and within it; slopes at both ends; 1 over the
@@ -19,13 +19,8 @@ DONE, SPENT, FULL, FAILED, WALL = range(5)
 #: slopes of stages, at the end, and what dense output takes beside them.
 OLD, NEW, AT, START, END, WEIGHT, SPARE, DENSE = range(8)
 #: Slopes and rows of dense output at the most, DOP853's; and events in the log.
-MOST_SLOPES, MOST_DENSE, LOG_ROWS = 16, 4, 256
+MOST_SLOPES, MOST_DENSE, LOG_ROWS = 16, 4, 1024
 SLOPES = DENSE + 3 + MOST_DENSE
-
-#: A contact row that is this small a part of itself once the ideal joints are eliminated depends on them.
-DEPENDENT = 1e-12
-#: Flights that are as high as so many times the distance's round-off take sqrt(2 x 4 x height/a).
-FLIGHT_HEIGHT = 8.0
 
 
 def record(floats: str, integers: str = "") -> list[tuple[str, type]]:
@@ -56,25 +51,29 @@ GAP_FIELDS = len(Gap._fields)
 #: A contact. Its state: phase and memory (see ``mechanism.contacts``), the time of its touch, the
 #: duration expected then, and its ``Equations.mobilities`` when last looked up. Its law: radial clearance,
 #: stiffness, exponent, damping factor, minimum impact speed, steepest slope of friction in s/m, whether the
-#: force is clipped, and restitution. Of a rigid wall: that it is one, the round-off of g and of its rate, and
-#: that it takes no part in a step. Since its touch: the largest normal force in N and penetration, and their
-#: times; at the touch: rate of g, impulse and losses by then. Then the columns of its impulse in the sums, of
-#: its losses behind it how many, and of a rigid joint its number among them.
+#: force is clipped, restitution, coefficient of friction. Of a rigid wall: that it is one, the round-off of g
+#: and of its rate, and that it takes no part in a step. Since its touch: the largest normal force in N and
+#: penetration, and their times; at the touch: rate of g, impulse and losses by then. Of a rigid wall at an
+#: event: see ``impacts``. Then the columns of its impulse in the sums, of its losses behind it how many, its
+#: number, and its row and that of its tangent, or -1, in ``impacts.walls_at``.
 CONTACT_RECORD = np.dtype(
     record(
         "phase memory began_s duration_s mobility sliding following clearance stiffness exponent factor "
-        "slowest friction clipped restitution rigid noise rate_noise ignored force force_s deepest deepest_s "
-        "approach impulse dissipated",
-        "column losses number",
+        "slowest friction clipped restitution coefficient rigid noise rate_noise ignored force force_s "
+        "deepest deepest_s approach impulse dissipated "
+        "distance bare rate rests share pull follows released touches hits takes_part closes short chosen "
+        "wanted part sticks normal tangential lost",
+        "column losses number joint tangent",
     )
 )
 
-#: What an event is: a touch, a release, the force clipped, the force back, a rebound from a rigid wall.
-TOUCH, RELEASE, CLIP, RESUME, REBOUND = 1, -1, 2, 3, 4
+#: What an event is: a touch, a release, the force clipped, the force back; on rigid walls see ``Impact``.
+TOUCH, RELEASE, CLIP, RESUME, IMPACT, CLOSING, SUPPORT = 1, -1, 2, 3, 4, 5, 6
+KINDS = {IMPACT: "impact", CLOSING: "closing", SUPPORT: "support"}
 #: An event: contact, and what it is; rate of g, penetration; of the contact that was until then its begin and
-#: approach speed, largest force and penetration with their times, impulse and losses; of a rebound the
-#: effective mass.
-OF_EVENT = "time_s rate depth began_s approach force force_s deepest deepest_s impulse lost mass"
+#: approach speed, largest force and penetration with their times, impulse and losses; of a rigid
+#: wall the tangential impulse and the effective mass.
+OF_EVENT = "time_s rate depth began_s approach force force_s deepest deepest_s impulse lost tangential mass"
 EVENT_RECORD = np.dtype(record(OF_EVENT, "contact what"))
 
 #: Where a run is, and how it steps. In floats: time, end, the longest step, steps per contact; tolerance, the
@@ -82,22 +81,23 @@ EVENT_RECORD = np.dtype(record(OF_EVENT, "contact what"))
 #: as a part of its duration, the last error over the tolerance; the worst condition so far, the least at a
 #: sample, and worst and least of the step tried last, with its length; how far a sample may be past a step's
 #: end; and flights between rigid walls that are not followed: shorter than so many seconds, or no higher than
-#: so many times the distance's round-off. In integers: coordinates, numbers in y,
-#: rigid joints and rows of ``impacts.walls_at``; whether steps go by their error, events are located, slopes
-#: at both ends of a step are known, and a call goes on where the last one ended; steps, their limit, samples
-#: and events so far, steps landed on when all are of one length, rejections in a row, the contact that has
-#: just begun or -1, the one whose event on a rigid wall is to be resolved or -1; what the kernel's functions
-#: are called with, addresses of numbers, contacts, rows and samples and how long these are in bytes, where a
-#: state has the length of a step, and how much of a row is a state; and the functions. Then the log.
+#: so many times the distance's round-off; and the time of the last event on them. In integers: coordinates,
+#: numbers in y, rigid joints and rows of ``impacts.walls_at``; whether steps go by their error, events are
+#: located, slopes at both ends of a step are known, and a call goes on where the last one ended; steps, their
+#: limit, samples and events so far, steps landed on when all are of one length, rejections in a row, the
+#: contact that has just begun or -1, the one of the last event on a rigid wall or -1; such events so far and
+#: at that time, and why one has no answer or 0; what the kernel's functions are called with, addresses of
+#: numbers, contacts, rows and samples and how long these are in bytes, where a state has the length of a
+#: step, and how much of a row is a state; and the functions. Then the log.
 RUN_RECORD = np.dtype(
     [
         *record(
             "time end longest per_contact tolerance length rate step flight_step first_part error "
-            "condition least worst best tried slack shortest_s lowest",
+            "condition least worst best tried slack shortest_s lowest last_s",
             "n size rigid_joints wall_rows controlled located known resumed steps budget taken logged landed "
-            "rejected fresh wall "
+            "rejected fresh wall settled at_once fault "
             "p contacts at width samples sample_width place_of_h whole "
-            "rates forces project gaps mobilities walls walls_p step_function",
+            "rates forces project gaps mobilities walls walls_p resolve step_function",
         ),
         ("events", EVENT_RECORD, LOG_ROWS),
     ]
@@ -118,21 +118,6 @@ METHOD_RECORD = np.dtype(
 
 #: An angle in rad, modulo a period, at which a load by a body's angle is not smooth, and the coordinate.
 KNOT_RECORD = np.dtype(record("angle period", "coordinate"))
-
-#: Of R rigid joints, (R,) each: their ``Separation``, the mobility along the normal that free bodies would
-#: have, in 1/kg, and friction as a part of the normal force.
-OF_WALLS = "distance", "rate", "turning", "noise", "rate_noise", "bare", "share"
-
-
-def wall_record(R: int, S: int, n: int) -> np.dtype[np.void]:
-    """Return what R joints with rigid walls are at a state, no pin following: how they answer to impulses.
-
-    They push along S rows ``D`` (S, n) of {q'}: of every joint the inward normal speed, then of those with
-    friction the tangential one. ``motion`` (S, n) are {q'} per unit of each impulse, ``W`` (S, S) speeds
-    along all rows, ``drivers`` (S,) the work of the drivers; ``free`` (n,) are the accelerations.
-    """
-    sizes = {"D": (S, n), "motion": (S, n), "W": (S, S), "drivers": (S,), "free": (n,)}
-    return np.dtype([(name, float, size) for name, size in (dict.fromkeys(OF_WALLS, (R,)) | sizes).items()])
 
 
 class Impact(NamedTuple):
@@ -160,6 +145,13 @@ class Impact(NamedTuple):
     largest_normal_force_time_s: float = math.nan
     largest_penetration_m: float = math.nan
     largest_penetration_time_s: float = math.nan
+
+
+class ModeChange(NamedTuple):
+    """From this time on the pins of these contacts follow their rigid walls, and the others fly."""
+
+    time_s: float
+    following: tuple[int, ...]
 
 
 class Run(NamedTuple):
@@ -190,9 +182,10 @@ class Run(NamedTuple):
         return self.rows[OLD, len(self.q) : 2 * len(self.q)]
 
     @property
-    def sums(self) -> FloatArray:
-        """Return the sums, a view."""
-        return self.rows[OLD, 2 * len(self.q) : self.state["size"][0]]
+    def following(self) -> tuple[int, ...]:
+        """Return the contacts whose pins follow rigid walls."""
+        follows = (self.contacts["rigid"] != 0.0) & (self.contacts["phase"] != FLIGHT)
+        return tuple(np.flatnonzero(follows).tolist())
 
 
 def new_run(
@@ -211,23 +204,26 @@ def new_run(
     contacts = np.zeros(K, CONTACT_RECORD)
     size, gaps = 2 * n + len(sums), GAP_FIELDS * K
     rigid = [joint for joint in joints if joint.rigid]
-    wall_rows = len(rigid) + sum(joint.friction is not None for joint in rigid)
-    of_walls = wall_record(len(rigid), wall_rows, n).itemsize // 8 if rigid else 0
-    rows = np.zeros((SLOPES + MOST_SLOPES, max(size + gaps + 1 + 2 * n, 3 * K, of_walls)))
+    wall_rows = len(rigid)
     samples = np.zeros((len(times), size + multipliers + 4 * K))
     for k, (contact, joint) in enumerate(zip(contacts, joints, strict=True)):
         law, friction = joint.law, joint.friction
         contact["clearance"], contact["rigid"] = joint.radial_clearance_m, joint.rigid
         contact["friction"] = 0.0 if friction is None else friction.coefficient * steepest(friction)
-        contact["slowest"] = law.minimum_impact_speed_m_s
+        contact["slowest"], contact["number"] = law.minimum_impact_speed_m_s, k
         if joint.rigid:
-            contact["restitution"] = law.restitution
+            contact["restitution"], contact["tangent"] = law.restitution, -1
+            contact["joint"] = sum(other.rigid for other in joints[:k])
+            if friction is not None:
+                contact["coefficient"], contact["tangent"] = friction.coefficient, wall_rows
+                wall_rows += 1
         else:
             contact["stiffness"], contact["exponent"] = law.stiffness, law.exponent
             contact["factor"], contact["clipped"] = law.damping_factor, law.clipped
         contact["column"] = sums.index(f"normal{k}")
         contact["losses"] = sum(name in sums for name in (f"loss{k}", f"clip{k}", f"slide{k}"))
-        contact["number"] = sum(other.rigid for other in joints[:k])
+    of_walls = 6 * len(rigid) + wall_rows * (n + wall_rows + 2)  # see ``impacts.walls_at``
+    rows = np.zeros((SLOPES + MOST_SLOPES, max(size + gaps + 1 + 2 * n, 3 * K, of_walls)))
     state = np.zeros(1, RUN_RECORD)
     (run,) = state
     run["n"], run["size"], run["wall"], run["fresh"], run["condition"] = n, size, -1, -1, 1.0

@@ -5,17 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.impacts import Impacts, ModeChange
 from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State, ends_of
-from reference_solver.run import REBOUND, RELEASE, Impact, Run
+from reference_solver.run import IMPACT, KINDS, RELEASE, Impact, ModeChange, Run
 from reference_solver.tape import FloatArray, RecordArray
 
 #: What a contact dissipates by (see ``contacts.rates_of``).
 LOSSES = ("loss", "clip", "slide", "impact", "closing")
 #: What an event that ends a contact tells of it.
-ENDED = ["time_s", "contact", "what", "approach", "impulse", "lost", "mass", "began_s"]
+ENDED = ["time_s", "contact", "what", "approach", "impulse", "tangential", "lost", "mass", "began_s"]
 ENDED += ["force", "force_s", "deepest", "deepest_s"]
 
 
@@ -83,23 +82,21 @@ def solution_of(
     mechanism: Mechanism,
     names: list[str],
     events: RecordArray,
-    walls: Impacts | None,
+    changes: list[ModeChange],
     took_s: float,
 ) -> Solution:
-    """Return what a run with a log (E,) gives, its sums by their names; ``walls`` are the rigid ones."""
+    """Return what a run with a log (E,) and changes of mode gives, its sums by their names."""
     samples, n, pairs, (state,) = run.samples, len(run.q), 2 * len(run.contacts), run.state
     sizes = n, n, len(names), samples.shape[1] - 2 * (n + pairs) - len(names), pairs, pairs
     ends = np.cumsum(sizes)[:-1].tolist()
     q, v, sums, multipliers, forces, phases = map(np.ascontiguousarray, np.split(samples, ends, axis=1))
     happened, nan = list[Impact](), np.nan
-    ended = events[np.isin(events["what"], (RELEASE, REBOUND))]
-    for t, k, what, speed, impulse, lost, mass, began, *largest in ended[ENDED].tolist():
+    ended = events[(events["what"] == RELEASE) | (events["what"] >= IMPACT)]
+    for t, k, what, speed, impulse, rubbed, lost, mass, began, *largest in ended[ENDED].tolist():
         if what == RELEASE:
             happened.append(Impact(began, k, "contact", t - began, speed, impulse, nan, lost, nan, *largest))
         else:
-            happened.append(Impact(t, k, "impact", 0.0, speed, impulse, 0.0, lost, mass))
-    if walls is not None:
-        happened = sorted([*happened, *walls.impacts], key=lambda i: i.time_s + i.duration_s)
+            happened.append(Impact(t, k, KINDS[what], 0.0, speed, impulse, rubbed, lost, mass))
     return Solution(
         mechanism,
         run.times,
@@ -110,9 +107,9 @@ def solution_of(
         normal_force_N=forces[:, ::2],
         friction_force_N=forces[:, 1::2],
         sums=dict(zip(names, sums.T, strict=True)),
-        events=events[events["what"] < REBOUND],
+        events=events[events["what"] < IMPACT],
         impacts=tuple(happened),
-        mode_changes=() if walls is None else tuple(walls.changes),
+        mode_changes=tuple(changes),
         steps=int(state["steps"]),
         solve_time_s=took_s,
         condition=float(state["condition"]),

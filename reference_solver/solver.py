@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Literal
 
@@ -11,14 +11,13 @@ import numpy as np
 from reference_solver import failures
 from reference_solver.energy import Guard
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.impacts import Impacts
 from reference_solver.kept_files import alone
-from reference_solver.mechanism.contacts import CONTACT, FLIGHT, separation
+from reference_solver.mechanism.contacts import separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853, dopri5, step
-from reference_solver.run import DONE, FAILED, FULL, OLD, SPENT, START, WALL, WEIGHT, Gap, Run, new_run
+from reference_solver.run import DONE, FAILED, FULL, OLD, SPENT, START, WALL, WEIGHT, ModeChange, Run, new_run
 from reference_solver.solution import Solution, solution_of
 from reference_solver.tape import FloatArray, RecordArray
 
@@ -51,21 +50,17 @@ FIRST_STEP, FIRST_PART_OF_CONTACT = 1e-3, 0.02
 class StepChoice:
     """The two rates: ``longest_s`` in flight and without contacts, and steps per contact's duration.
 
-    Without ``locate_events`` every step has the length ``longest_s`` and a contact begins and ends with a
-    step: the plain algorithm, for comparison. Pins before rigid walls bounce until a flight would be shorter
-    than a part of the longest step (see ``impacts``); or, where ``lowest_flight`` is given, to heights of so
-    many times the distance's round-off.
+    Without contacts, or without ``locate_events``, every step has one length that fits into the samples'
+    interval, and a contact begins and ends with a step: the plain algorithm, for comparison. Else steps are
+    the run's own, and samples within them are interpolated. Pins before rigid walls bounce until a flight
+    would be shorter than a part of the longest step (see ``impacts``); or, where ``lowest_flight`` is given,
+    to heights of so many times the distance's round-off.
     """
 
     longest_s: float
     steps_per_contact: float = 100.0
     locate_events: bool = True
     lowest_flight: float | None = None
-
-    def at(self, longest_s: float) -> "StepChoice":
-        """Return both rates in proportion, at another longest step."""
-        per_contact = max(FEWEST_STEPS_PER_CONTACT, self.steps_per_contact * self.longest_s / longest_s)
-        return replace(self, longest_s=longest_s, steps_per_contact=per_contact)
 
 
 @dataclass(frozen=True)
@@ -84,33 +79,6 @@ class ErrorControl:
     longest_s: float = np.inf
     method: Literal["dop853", "dopri5"] = "dop853"
     lowest_flight: float | None = None
-
-
-def solve(
-    mechanism: Mechanism,
-    q: FloatArray,
-    v: FloatArray,
-    *,
-    end_time_s: float,
-    samples: int,
-    step: StepChoice | ErrorControl | float,
-    stabilisation: Stabilisation = "projection",
-) -> Solution:
-    """Integrate from coordinates q and velocities v, each (3 x bodies,), and record ``samples + 1`` states.
-
-    ``step`` is the longest one in s, or both rates, of the paper's RK4; or the error control of DOP853. Where
-    events are located, and with error control, steps are the run's own, whatever the samples: those within a
-    step are interpolated, at the order of the step. Else all steps of RK4 have one length that fits into the
-    samples' interval. Steps end where prescribed motions, and loads by a body's angle, are not smooth.
-
-    Raises:
-        InconsistentStart: q or v violate the constraints, or a pin is outside a rigid bearing.
-        SolverError: a step or an impact failed; it says which and when.
-    """
-    choice = step if isinstance(step, StepChoice | ErrorControl) else StepChoice(step)
-    q, v = np.array(q, dtype=float), np.array(v, dtype=float)
-    check_start(mechanism, q, v)
-    return Solver(mechanism, q, choice, stabilisation).run(q, v, end_time_s, samples)
 
 
 class Solver:
@@ -231,34 +199,31 @@ class Solver:
         knots = (t for t in self._mechanism.knots_s(float(state["longest"])) if 0 < t < end_time_s)
         landings = chain(knots, [end_time_s])  # steps end where prescribed motions are not smooth
         state["end"] = next(landings)
-        impacts = Impacts(self._equations, self._names, self._kernel(())) if self._rigid else None
-        if impacts is not None:
-            self._resolve_first(impacts, run)
         chunk = 1 + CHUNK // (len(run.q) * len(method.weights))
-        status, took = SPENT, 0.0
+        status, took, changes = SPENT, 0.0, list[ModeChange]()
         while status != DONE:
-            following = () if impacts is None else impacts.following
-            begin = float(state["time"])
+            following, begin = run.following, float(state["time"])
             state["logged"], state["budget"] = 0, state["steps"] + chunk
             self._kernel(following).bind(run)
             started = time.perf_counter()
             status = self._advance(run)
-            if impacts is not None and status == WALL:
-                impacts.resolve(run)
             took += time.perf_counter() - started
             events.append(state["events"][: state["logged"]].copy())
-            self.steps, self.settled = int(state["steps"]), 0 if impacts is None else impacts.resolved
+            self.steps, self.settled = int(state["steps"]), int(state["settled"])
             if tell is not None:
                 tell(float(state["time"]))
             if status == FAILED:
                 self._refuse(following, run)
+            if status == WALL:
+                self._refuse_event(run)
+                changes.append(ModeChange(float(state["time"]), run.following))
             if status in (SPENT, FULL) and state["time"] == begin:
                 raise failures.Stalled(time_s=begin, steps=chunk)
             if status == DONE and state["end"] < end_time_s:
                 state["end"], status = next(landings), SPENT
         if not max(np.abs(run.q).max(), np.abs(run.v).max()) < LARGEST:  # squares of more are no numbers
             raise failures.NonFiniteState(time_s=end_time_s)
-        solution = solution_of(run, self._mechanism, self._names, np.concatenate(events), impacts, took)
+        solution = solution_of(run, self._mechanism, self._names, np.concatenate(events), changes, took)
         scales = Scales(float(state["length"]), float(state["rate"]))
         guard = Guard(solution, scales, float(state["longest"]), float(state["tolerance"]))
         guard.check_energy()
@@ -266,17 +231,20 @@ class Solver:
             guard.check_drift(self._equations, float(state["least"]))
         return solution
 
-    def _resolve_first(self, impacts: Impacts, run: Run) -> None:
-        """Resolve events at t = 0, while compliant contacts that begin closed push: the loop notes them."""
-        kernel, contacts = self._kernel(()), run.contacts
-        gaps = np.zeros((len(contacts), len(Gap._fields)))
-        kernel.functions["gaps"](kernel.p, contacts.ctypes.data, 0.0, run.rows[OLD], gaps)
-        closed = (contacts["rigid"] == 0) & (gaps[:, 0] > 0)
-        speed = np.maximum(gaps[:, 1], contacts["slowest"])[closed]
-        contacts["phase"][closed] = CONTACT
-        contacts["memory"][closed] = contacts["factor"][closed] / speed
-        impacts.resolve(run)
-        contacts["phase"][closed], contacts["memory"][closed] = FLIGHT, 0.0
+    def _refuse_event(self, run: Run) -> None:
+        """Say why an event on a rigid wall has no answer, if it has none."""
+        from reference_solver.impacts import BLOCKED, PARADOX, SINGULAR, UNSETTLED
+
+        fault, t = int(run.state["fault"][0]), float(run.state["time"][0])
+        if fault == SINGULAR:
+            self._equations.refuse_singular(t, run.q)
+        if fault == BLOCKED:
+            raise failures.BlockedImpact(time_s=t)
+        if fault == PARADOX:
+            joints = failures.listed([str(k) for k in np.flatnonzero(run.contacts["coefficient"])])
+            raise failures.PainleveParadox(time_s=t, joints=joints)
+        if fault == UNSETTLED:
+            raise failures.UnsettledEvents(time_s=t, joint=int(run.state["wall"][0]))
 
     def _refuse(self, following: tuple[int, ...], run: Run) -> None:
         """Say why the step tried last could not be taken, by the equations in numbers."""

@@ -103,7 +103,7 @@ def _model_differences(scene: Scene, own: Scene, samples: int) -> Row:
     """
     run = RunSettings(scene.end_time_s, samples, times_between_s(scene, samples))
     truth, other = solved(scene, samples).truth, true_at(own, run)
-    until = min(followed(each, samples) for each in (scene, own))
+    until = min(followed(each, samples, judged=True) for each in (scene, own))
     both = truth.time_s <= scene.end_time_s * (until - 1) / samples * (1 + ROUNDING)
     apart = errors(own, selected(other, both), selected(truth, both))
     return {name.replace("_error_", "_model_difference_"): float(off.max()) for name, off in apart.items()}

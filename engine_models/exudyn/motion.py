@@ -17,7 +17,6 @@ from engine_models.exudyn.tree import AXES, Branch
 from engine_models.minimal import equations as eq
 from reference_solver.machine_code import compiled
 
-entry = compiled(error_model="numpy")
 #: Columns of a link; its body is -1 without one.
 PARENT, AXIS, X, Y, ANGLE, BODY, CENTRE_X, CENTRE_Y, TURNED = range(9)
 TURN = AXES.index("turn")
@@ -29,6 +28,8 @@ WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
 #: So many parts of an integral's grid are evaluated at a time, which bounds the memory that it takes.
 AT_ONCE = 10_000
 
+#: Kinds of arrays.
+ONE, MANY = "f8[::1]", "f8[:, ::1]"
 #: Columns of a contact's history.
 GAP, SLIDING_SPEED, APPROACH_SPEED = range(3)
 
@@ -86,7 +87,7 @@ def place_bodies(
                     out[i, b + j] = centre[3 * i + j]
 
 
-@entry
+@compiled(f"({MANY}, {MANY}, {MANY}, {MANY}, f8[:, :, ::1])", error_model="numpy")
 def states(links: FloatArray, s: FloatArray, r: FloatArray, u: FloatArray, out: FloatArray) -> None:
     """Fill the bodies' positions, velocities and accelerations (n, 3, 3b) from links' (n, links) each."""
     frames = np.empty((len(links), 9))
@@ -94,7 +95,7 @@ def states(links: FloatArray, s: FloatArray, r: FloatArray, u: FloatArray, out: 
         place_bodies(links, s[n], r[n], u[n], frames, out[n])
 
 
-@entry
+@compiled(f"({ONE}, {MANY}, f8, {ONE}, {ONE}, {MANY}, {ONE})", error_model="numpy")
 def generalised(
     p: FloatArray, links: FloatArray, t: float, s: FloatArray, r: FloatArray, at: FloatArray, out: FloatArray
 ) -> None:

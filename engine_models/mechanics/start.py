@@ -26,7 +26,7 @@ def start_angle(scene: Scene) -> tuple[str, float]:
     if scene.turning_body is None:
         raise ValueError("expected a turning body, got none")
     name = scene.mechanism.names[scene.turning_body]
-    path = scene.path(f"start.angle_rad.{name}")
+    path = "start.crank_angle_rad" if scene.is_short else f"start.angle_rad.{name}"
     if name not in scene.start.angle_rad or name not in held_at_start(scene):
         raise ValueError(f"expected a start that tells {path} and holds it, got another")
     return path, scene.start.angle_rad[name]

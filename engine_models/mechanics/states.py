@@ -163,7 +163,8 @@ def observed_columns(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
     else:
         of = scene.observed
         name = f"observed_{of.name.replace('.', '_')}"
-        names = f"{name}_{of.unit}", f"{name}_velocity_{of.unit}_s"
+        unit = "rad" if of.what == "angle" else "m"
+        names = f"{name}_{unit}", f"{name}_velocity_{unit}_s"
     return dict(zip(names, observed(scene, run), strict=True))
 
 

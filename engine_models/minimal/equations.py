@@ -18,18 +18,18 @@ not read. A mechanism is one array of numbers p, by the blocks below, and so the
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from reference_solver.machine_code import compiled
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-#: How functions are compiled; of those that Python calls machine code is kept, with all that they call.
-jit = njit(error_model="numpy")
+#: How functions are compiled that others call: kept, they are compiled once for all of these.
+jit = compiled(error_model="numpy")
 #: Blocks of p: bodies (mass, mass, inertia); joints; contacts; parts of loads; curves; their pieces; scalars;
 #: coordinates, dependent ones first, and their units; contacts' phases; and what the last evaluation tells.
-BODIES, JOINTS, CONTACTS, PARTS, CURVES, PIECES, SCALARS, ORDER, PHASES, TOLD = range(10)
+#: (For each int of Python's Numba would compile ``block`` again.)
+BODIES, JOINTS, CONTACTS, PARTS, CURVES, PIECES, SCALARS, ORDER, PHASES, TOLD = map(np.int64, range(10))
 #: Kinds of joints, by their rows: a pin two; across a line; equal angles; a driven angle; a driven way.
 PIN, ACROSS, PARALLEL, DRIVEN_ANGLE, DRIVEN_WAY = range(5)
 #: Kinds of parts of loads: along a line; torques; between two points.
@@ -162,8 +162,10 @@ def direction(q: Array, body: int, angle: float) -> tuple[float, float]:
 @jit
 def fill_rows(p: Array, t: float, q: Array, v: Array, g: Array, B: Array, c: Array, gamma: Array) -> None:
     """Fill g, B, c and gamma of all rows."""
-    r, B[:], c[:], gamma[:] = 0, 0.0, 0.0, 0.0
-    for e in block(p, JOINTS):
+    r, joints = 0, block(p, JOINTS)
+    B[:], c[:], gamma[:] = 0.0, 0.0, 0.0
+    for k in range(len(joints)):  # an array's iterator would give rows of another type
+        e = joints[k]
         kind, i, j, ends = int(e[0]), int(e[1]), int(e[4]), e[1:7]
         ax, ay, bx, by, dx, dy, vx, vy = apart(q, v, ends)
         wi, wj = spin(v, i), spin(v, j)
@@ -260,13 +262,16 @@ def engage(e: Array, phase: Array, q: Array, v: Array) -> None:
 def forces(p: Array, t: float, q: Array, v: Array, F: Array, told: Array, powers: Array) -> int:
     """Fill the forces F (3b,) on the bodies, what is told of contacts and loads, and their powers."""
     s, bodies, phases = block(p, SCALARS)[0], block(p, BODIES), block(p, PHASES)
+    contacts, parts = block(p, CONTACTS), block(p, PARTS)
     for b in range(len(bodies)):
         F[3 * b], F[3 * b + 1], F[3 * b + 2] = bodies[b, 0] * s[GX], bodies[b, 0] * s[GY], 0.0
     at, place_of = 0, 0
-    for k, e in enumerate(block(p, CONTACTS)):
-        add_contact(e, phases[k], q, v, F, told[at : at + OF_CONTACT], powers[place_of : place_of + OF_SUMS])
+    for k in range(len(contacts)):
+        of_k = told[at : at + OF_CONTACT]
+        add_contact(contacts[k], phases[k], q, v, F, of_k, powers[place_of : place_of + OF_SUMS])
         at, place_of = at + OF_CONTACT, place_of + OF_SUMS
-    for e in block(p, PARTS):
+    for k in range(len(parts)):
+        e = parts[k]
         kind, ends = int(e[0]), e[1:7]
         rate = place = ux = uy = ax = ay = bx = by = 0.0
         if kind == TURN:
@@ -321,7 +326,7 @@ def act(p: Array, t: Array, q: Array, v: Array, phases: Array, F: Array, told: A
 def drive(p: Array, t: Array, motion: Array) -> None:
     """Fill what ``driven`` returns at times (n,), (n, 3)."""
     for n in range(len(t)):
-        motion[n] = driven(p, t[n])
+        motion[n, 0], motion[n, 1], motion[n, 2] = driven(p, t[n])
 
 
 @compiled(

@@ -71,15 +71,15 @@ def look_ahead(
     """
     contacts, phases, b = eq.block(p, eq.CONTACTS), eq.block(p, eq.PHASES), len(rows)
     h, q, v, F = plan[STEP], np.empty(3 * b), np.empty(3 * b), np.empty(3 * b)
-    arms, touching, near = np.empty((b, 2)), False, False
+    arms, gain, touching, near = np.empty((b, 2)), np.empty(3), False, False
     for n in range(b):
         for k in range(3):
             v[3 * n + k] = state[rows[n], 3 + k]
             q[3 * n + k] = state[rows[n], k] + h * v[3 * n + k]
-        arms[n] = eq.arm(q, n, origin[n, 0], origin[n, 1])
-        q[3 * n : 3 * n + 2] -= arms[n]
-        v[3 * n] += v[3 * n + 2] * arms[n, 1]
-        v[3 * n + 1] -= v[3 * n + 2] * arms[n, 0]
+        ax, ay = eq.arm(q, n, origin[n, 0], origin[n, 1])
+        arms[n, 0], arms[n, 1] = ax, ay
+        q[3 * n], q[3 * n + 1] = q[3 * n] - ax, q[3 * n + 1] - ay
+        v[3 * n], v[3 * n + 1] = v[3 * n] + v[3 * n + 2] * ay, v[3 * n + 1] - v[3 * n + 2] * ax
     for k in range(len(contacts)):
         e = contacts[k]
         _, _, _, _, dx, dy, _, _ = eq.apart(q, v, e)
@@ -90,8 +90,8 @@ def look_ahead(
         near |= touches_within(e, q, v, AHEAD * plan[IN_FLIGHT])
     on = h / (2.0 * plan[LAST_KICK]) if plan[LAST_KICK] > 0.0 and not touching else 0.0
     for n in range(b):
-        gain = on * (state[rows[n], 3:] - before[n])
         for k in range(3):
+            gain[k] = on * (state[rows[n], 3 + k] - before[n, k])
             before[n, k] = state[rows[n], 3 + k]
         v[3 * n] += gain[0] + gain[2] * arms[n, 1]
         v[3 * n + 1] += gain[1] - gain[2] * arms[n, 0]
@@ -106,7 +106,7 @@ def look_ahead(
     share = plan[KICK] / h if abs(plan[NEXT] - h) > ROUNDING * h else 1.0
     eq.forces(p, plan[TIME], q, v, F, told, powers)
     for n in range(b):
-        ax, ay = arms[n]
+        ax, ay = arms[n, 0], arms[n, 1]
         fx, fy, row = F[3 * n], F[3 * n + 1], rows[n]
         loads[row, 0], loads[row, 1] = share * fx - lift[n, 0], share * fy - lift[n, 1]
         loads[row, 2] = share * (F[3 * n + 2] - ax * fy + ay * fx)
@@ -136,7 +136,7 @@ def account(
     contacts that do what is told of them; or those of the place and the velocities, and so are the
     accelerations then. In a flat position, where rows depend on each other, they are the shortest.
     """
-    q, v, a = motion
+    q, v, a = motion[0], motion[1], motion[2]
     masses, phases = eq.block(p, eq.BODIES).ravel(), eq.block(p, eq.PHASES)
     size, m, laws, F = len(q), len(multipliers), phases.copy(), np.empty(len(q))
     for n in range(len(rows)):

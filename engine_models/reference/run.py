@@ -35,7 +35,7 @@ def rate_s(scene: Scene) -> float:
     """
     q, v = (part.ravel() for part in checked_start(scene))
     mechanism = mechanism_of(scene)
-    accelerations, _ = Equations(mechanism, q).accelerations(0.0, q, v)
+    accelerations = Equations(mechanism, q).required(0.0, q, v).accelerations
     return scales_of(mechanism, q, v, accelerations, scene.end_time_s).rate_s
 
 

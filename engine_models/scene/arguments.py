@@ -4,8 +4,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from functools import cache, wraps
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Annotated, Any, ParamSpec, TypeVar, get_type_hints
+from typing import Annotated, Any, ParamSpec, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
@@ -58,13 +57,10 @@ def check_arguments(function: Callable[P, R]) -> Callable[P, R]:
         try:
             valid = model().model_validate(given)
         except ValidationError as error:
-            raise BadInput(refusal(error, given)) from None
+            raise BadInput(refusal(error)) from None
         bound.arguments.update((name, getattr(valid, name)) for name in given)
         return function(*bound.args, **bound.kwargs)
 
-    hints = get_type_hints(SimpleNamespace(__annotations__=kinds))  # as people read them
-    parameters = [each.replace(annotation=hints.get(each.name)) for each in signature.parameters.values()]
-    checked.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return checked
 
 

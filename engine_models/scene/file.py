@@ -5,11 +5,12 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from engine_models.scene.format import SceneError as SceneError
 from engine_models.scene.plain_words import shortened
 from engine_models.scene.scene import Scene, with_fields
-from engine_models.scene.tables import BadFile, read_text
+from engine_models.scene.tables import read_text
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -24,30 +25,30 @@ NAME = r"(?:[\w-]+|\"[^\"\n]*\"|'[^'\n]*')"
 LINE = re.compile(rf"\s*(\[?)\s*({NAME}(?:\s*\.\s*{NAME})*)\s*[]=]")
 
 
-def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
-    """Return the scene that a TOML text describes with some changes; raise SceneError if it is none.
-
-    Files of tables are in a folder.
-    """
+def entries(text: str) -> dict[str, Any]:
+    """Return what a TOML text says; raise SceneError if it is none."""
     try:
-        data = tomllib.loads(text)
+        data: dict[str, Any] = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # also an integer too long for Python to read
         reason = shortened(" ".join(str(error).split()), 150)
         raise SceneError(f"TOML syntax: expected valid TOML, got '{reason}'") from None
-    return Scene.checked(with_fields(data, changes), folder)
+    return data
+
+
+def from_toml(text: str, folder: Path = Path(), changes: Fields = NONE) -> Scene:
+    """Return the scene that a TOML text describes with some changes, with tables in a folder."""
+    return Scene.checked(with_fields(entries(text), changes), folder)
 
 
 def load(path: Path, changes: Fields = NONE, option: str = "") -> Scene:
     """Return the scene in a TOML file, whose tables are beside it, with changes that an option asked for.
 
-    Raises SceneError where it is none: what is wrong in the file is told with the line, what is with a change
-    with the option.
+    Raises BadFile where there is no text, SceneError where that is no scene: what is wrong in the file is
+    told with the line, what is with a change with the option.
     """
+    text = read_text(path)
     try:
-        text = read_text(path)
         return from_toml(text, path.parent, changes)
-    except BadFile as reason:
-        raise SceneError(str(reason)) from None
     except SceneError as error:
         reasons, file, lines = [], f"{path}: ", lines_of(text)
         for why in error.reasons:

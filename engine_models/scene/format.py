@@ -12,14 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
 from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown, unknown_key
 from engine_models.scene.tables import BadFile, read_columns
@@ -122,7 +115,7 @@ class SceneData(BaseModel):
         try:
             return cls.model_validate(data, context={"folder": folder, **context})
         except ValidationError as error:
-            raise SceneError(*refusals(error, data)) from None
+            raise SceneError(*refusals(error)) from None
 
     def as_written(self) -> dict[str, Any]:
         """Return the fields that were given as a file has them, those of parts in mappings."""
@@ -238,10 +231,7 @@ class Spring(SceneData):
 
 
 class Friction(SceneData):
-    """Friction in a joint with clearance, which rises over ``regularisation_speed_m_s`` from rest.
-
-    The dead band belongs to Ambrosio's law alone.
-    """
+    """Friction in a joint with clearance, which rises over ``regularisation_speed_m_s`` from rest."""
 
     law: FrictionLaw
     coefficient: NonNegative
@@ -258,12 +248,10 @@ class Friction(SceneData):
 
 
 class Clearance(SceneData):
-    """A revolute joint whose pin has room in its bearing.
+    """A revolute joint whose pin has room in its bearing, on the body named first but for ``bearing``.
 
     ``stiffness`` is in N/m^exponent; without it, Hertz's value follows from the material that pin and bearing
-    share. ``exponent`` defaults to 1 for the linear and Kelvin-Voigt laws, else to 3/2. A law of the
-    dissipative family may pull on a pin that leaves fast: the force is zero there unless ``may_pull``. The
-    ``bearing`` is on the ground, else on the body named first, unless its body is named.
+    share. A law of the dissipative family may pull on a pin that leaves fast only if it ``may_pull``.
     """
 
     radial_clearance_m: Positive
@@ -312,10 +300,7 @@ class Clearance(SceneData):
 
 
 class Gas(Table):
-    """A force by an angle, as a periodic spline or straight lines, over one revolution or two.
-
-    The angle is of a ``body``, that which is driven unless it is named. The last entry is the first again.
-    """
+    """A force by the angle of a ``body``, the driven one unless it is named, over one revolution or two."""
 
     COLUMNS = {None: ("angle_rad", "force_N")}
 
@@ -335,8 +320,6 @@ class Gas(Table):
         angle, force, last, end = table.x, table.y, len(table.x) - 1, table.x[0] + table.period
         turns = f"one revolution or two after the first, {angle[0] + TURN:.6g} or {angle[0] + 2 * TURN:.6g}"
         require(abs(angle[-1] - end) <= REVOLUTION_RAD, f"{name}.{last}", turns, angle[-1])
-        within = f"a number < {end:.6g}, where the table repeats"
-        require(angle[-2] < end, f"{name}.{last - 1}", within, angle[-2])
         closes = abs(force[-1] - force[0]) <= CLOSES * max(map(abs, force))
         require(closes, f"force_N.{last}", f"the first one again, {force[0]:g}", force[-1])
         self.require(self.end_slopes is None, "end_slopes", "nothing in a table that repeats")
@@ -354,14 +337,11 @@ class ByTime(Table):
 
 
 class Load(SceneData):
-    """Forces and torques on a body: any of them, together.
+    """Forces along a line and torques on a body: any of them, together (see ``data.Load``).
 
-    By the way s along a line and its rate s': ``force_N`` is constant; ``viscous_N_s_m`` -c s', friction of a
-    guide; ``spring_N_m`` -k (s - ``free_position_m``). On a body in a guide they act at the guide's pin along
-    it, and push back on what it is on; ``guide`` names one where the body has two. On another body they act
-    on the centre of mass, or at a ``pin`` of the body, along ``along_rad`` from the x axis of the global
-    frame. By the angle phi of the body: ``torque_N_m`` is constant, ``viscous_N_m_s`` -c phi'. ``gas`` goes
-    by the angle of a body, ``by_time`` by the drive's clock.
+    On a body in a guide they act at the guide's pin along it, and push back on what it is on; ``guide`` names
+    one where the body has two. On another body they act on the centre of mass, or at a ``pin`` of the body,
+    along ``along_rad`` from the x axis of the global frame.
     """
 
     force_N: float | None = None
@@ -384,10 +364,7 @@ class Load(SceneData):
         return any(part is not None for part in parts)
 
     @model_validator(mode="after")
-    def _is_some(self) -> "Load":
-        torques = (self.by_time, self.torque_N_m, self.viscous_N_m_s)
-        some = self.has_forces or any(part is not None for part in torques)
-        self.require(some, "force_N", "it or another force or torque")
+    def _has_a_whole_spring(self) -> "Load":
         sprung = self.spring_N_m is not None
         self.require_if(sprung, "free_position_m", f"{'beside' if sprung else 'without'} spring_N_m")
         return self
@@ -422,15 +399,10 @@ class Drive(Table):
     time_s: Numbers | None = None
     angle_rad: Angles | None = None
     position_m: Numbers | None = None
-    torque_N_m: float | Numbers | None = None
+    torque_N_m: Annotated[float | Numbers, expect("a finite number or a list of them")] | None = None
     stall_torque_N_m: float | None = None
     no_load_speed_rad_s: float | None = None
     speed_rad_s: Numbers | None = None
-
-    @property
-    def course(self) -> data.Table:
-        """The angle in rad, or the position in m, over the drive's clock in s."""
-        return self.table("time_s", "position_m" if self.guide else "angle_rad")
 
     @model_validator(mode="after")
     def _fits_its_kind(self) -> "Drive":
@@ -442,17 +414,20 @@ class Drive(Table):
         of_body = table if by_speed else NEEDED.get(kind, ())
         of_guide = [name.replace("rad_s", "m_s").replace("angle_rad", "position_m") for name in of_body]
         needed = of_guide if along else of_body
-        may = {*needed, *MAY_HAVE.get(kind, ()), *(("interpolation", "end_slopes") if table else ())}
-        fields = type(self).model_fields
-        given = {name for name in fields if getattr(self, name) != fields[name].default}
+        may = {"kind", "body", "guide", *needed, *MAY_HAVE.get(kind, ())}
+        may |= {"interpolation", "end_slopes"} if table else set()
         when = f"with kind = '{kind}'{' along a guide' if along else ' by a table' if by_speed else ''}"
-        wrong = [name for name in fields if name in given - may - {"kind", "body", "guide"}]
-        reasons = [f"{name}: expected nothing {when}, got {shown(getattr(self, name))}" for name in wrong]
-        reasons += [f"{name}: expected a value {when}, got nothing" for name in needed if name not in given]
-        if reasons:
-            raise SceneError(*reasons)
+        reasons, missing = list[str](), list[str]()
+        for name, field in type(self).model_fields.items():
+            came, given = getattr(self, name), getattr(self, name) != field.default
+            if given and name not in may:
+                reasons.append(f"{name}: expected nothing {when}, got {shown(came)}")
+            if not given and name in needed:
+                missing.append(f"{name}: expected a value {when}, got nothing")
+        if reasons + missing:
+            raise SceneError(*reasons, *missing)
         if kind == "table" and self.interpolation == "linear":
-            speeds = np.diff(self.course.y) / np.diff(self.course.x)
+            speeds = np.diff(getattr(self, table[2 if along else 1])) / np.diff(self.time_s or ())
             even = bool(np.ptp(speeds) <= SAME_SPEED * abs(speeds).max())
             self.require(even, "interpolation", "'spline' (else the speed would jump, by an infinite force)")
         if (stall := self.stall_torque_N_m) is not None:
@@ -477,11 +452,10 @@ class BodyState(SceneData):
 
 
 class PlacedStart(SceneData):
-    """Where the motion begins, and how fast.
+    """Where the motion begins, and how fast: what is told, or by its name the state of every body.
 
-    Values told are rough, unless their bodies or guides are named in ``hold``: the mechanism is put together
-    as near to them as its joints allow. Without ``hold`` what is driven is held, else the first body or guide
-    told. Or the state of every body is given by its name. ``time_s`` is what the drive's clock reads then.
+    Values told are rough, unless their bodies, guides or pins are named in ``hold``: the mechanism is put
+    together as near to them as its joints allow. ``time_s`` is what the drive's clock reads then.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -504,8 +478,7 @@ class PlacedStart(SceneData):
 class Top(SceneData):
     """The top of a file, in both spellings. Gravity is a number along -y, or a pair along x and y.
 
-    Names begin cells of CSV files, and spreadsheets run what begins as a formula does. Within less than
-    1e-100 s nothing happens, and steps are lost below the least numbers there are.
+    Names begin cells of CSV files, and spreadsheets run what begins as a formula does.
     """
 
     name: Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect(PRINTED)]

@@ -100,39 +100,25 @@ def shortened(text: str, longest: int = LONGEST) -> str:
     return text if len(text) <= longest else f"{text[:longest]}..."
 
 
-def refusal(error: ValidationError, data: Mapping[str, object], known: Iterable[str] = ()) -> str:
+def refusal(error: ValidationError, known: Iterable[str] = ()) -> str:
     """Return why pydantic refused data in one line; ``known`` are the keys that it may have."""
-    return "; ".join(refusals(error, data, known))
+    return "; ".join(refusals(error, known))
 
 
-def refusals(error: ValidationError, data: Mapping[str, object], known: Iterable[str] = ()) -> list[str]:
+def refusals(error: ValidationError, known: Iterable[str] = ()) -> list[str]:
     """Return why pydantic refused data: the first reasons, and how many more there are."""
-    reasons = dict[str, str]()
-    for details in error.errors():
-        for reason in _reasons(details, data, known):
-            field, _, words = reason.partition(": ")
-            if other := reasons.get(field):  # each type that a field may have gives a reason
-                words = f"{other.rpartition(', got ')[0]} or {words.removeprefix('expected ')}"
-            reasons[field] = words
+    reasons = [reason for details in error.errors() for reason in _reasons(details, known)]
     more = len(reasons) - MOST_REASONS
-    first = [f"{field}: {words}" for field, words in [*reasons.items()][:MOST_REASONS]]
-    return [*first, f"and {more} more"] if more > 0 else first
+    return [*reasons[:MOST_REASONS], f"and {more} more"] if more > 0 else reasons
 
 
-def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
-    """Return the reasons of an error, whose location has the chosen type of a union too."""
-    kind, context, path, of_key = error["type"], error.get("ctx", {}), list[str](), "[key]" in error["loc"]
-    steps = [step for step in error["loc"] if step != "[key]"] or [""]
-    for step in steps:
-        name = shortened(str(step)) or '""'
-        try:
-            data = data[step]
-            path.append(name)
-        except (KeyError, IndexError, TypeError):  # the chosen type of a union
-            path += [name] if step == steps[-1] and (kind == "missing" or of_key) else []
+def _reasons(error: ErrorDetails, known: Iterable[str]) -> list[str]:
+    """Return the reasons of an error."""
+    kind, context = error["type"], error.get("ctx", {})
+    steps = [shortened(str(step)) or '""' for step in error["loc"] if step != "[key]"]
     if kind == "value_error":
         reasons = getattr(context["error"], "reasons", [str(context["error"])])
-        return [".".join([*path, reason]) for reason in reasons]
+        return [".".join([*steps, reason]) for reason in reasons]
     if known and kind in ("extra_forbidden", "unexpected_keyword_argument"):
         return [unknown_key(steps[-1], known)]
     choices = re.findall(r"'([^']*)'", context.get("expected", ""))
@@ -141,10 +127,8 @@ def _reasons(error: ErrorDetails, data: Any, known: Iterable[str]) -> list[str]:
         expected = re.sub(f"^{words}", plain, expected)
     for bound, sign in SIGNS.items():
         expected = f"a number {sign} {context[bound]:g}" if bound in context else expected
-    unit = next((unit for name in reversed(path) if (unit := unit_of(name))), None)
-    if of_key:
-        data = steps[-1]
-    elif unit and isinstance(error["input"], str) and kind != "known":
+    unit = next((unit for name in reversed(steps) if (unit := unit_of(name))), None)
+    if unit and isinstance(error["input"], str) and "[key]" not in error["loc"]:
         expected += f", or text with a unit such as '1 {unit}'"
-    choices = context.get("known", choices)
-    return [unknown(".".join(path), data, choices, expected, "nothing" if kind == "missing" else "")]
+    came = "nothing" if kind == "missing" else ""
+    return [unknown(".".join(steps), error["input"], choices, expected, came)]

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import tomli_w
@@ -20,13 +20,11 @@ from engine_models.scene.format import Named, Place, SceneError, require, requir
 from engine_models.scene.plain_words import expect, one_of, shown
 from engine_models.scene.short import OF_GENERAL, CrankSlider, assembled, in_short
 from reference_solver.mechanism import data
+from reference_solver.mechanism.assembly import Joints, Quantity, Told, assemble, require_closed
 from reference_solver.mechanism.data import GROUND, Course, Motion, Point
 from reference_solver.mechanism.loads import distance_m
 from reference_solver.mechanism.motions import curve_of, going_on, moved
 from reference_solver.tape import FloatArray
-
-if TYPE_CHECKING:
-    from reference_solver.mechanism import assembly
 
 Kind = TypeVar("Kind")
 #: The path of a field, or values by their paths.
@@ -57,11 +55,6 @@ class Observed(NamedTuple):
     body: int
     point: Point = (0.0, 0.0)
     guide: data.Line | None = None
-
-    @property
-    def unit(self) -> str:
-        """The unit: rad of an angle, else m."""
-        return "rad" if self.what == "angle" else "m"
 
 
 class Scene(form.Top):
@@ -134,10 +127,6 @@ class Scene(form.Top):
     def to_toml(self) -> str:
         """Return the scene as a TOML file that reads back to an equal scene."""
         return tomli_w.dumps(self.as_written())
-
-    def path(self, general: str) -> str:
-        """Return the path of a field in the scene's own spelling."""
-        return in_short(general) if self._short else general
 
     @property
     def is_short(self) -> bool:
@@ -313,9 +302,6 @@ def _check_parts(scene: Scene) -> None:
         require((load.along_rad is not None) == alone, f"{path}.along_rad", told, load.along_rad)
         driven = load.gas is None or load.gas.body or scene.drive.body
         require(driven is not None, f"{path}.gas.body", "a body, or drive.body", None)
-    for place, name in enumerate(start.hold):
-        one = (name in scene.body) + (name in scene.guide) + (name in start.place_m) == 1
-        require(one, f"start.hold.{place}", "a name that is of a body, of a guide or of a pin", name)
     for key in ("angle_rad", "position_m", "place_m", "hold") if start.states else ():
         came = getattr(start, key)
         require(not came, f"start.{key}", "nothing beside the state of every body", came)
@@ -393,38 +379,34 @@ def _load(scene: Scene, name: str, load: form.Load, guides: tuple[data.Guide, ..
 
 def _drive(scene: Scene, bodies: tuple[data.Body, ...], guides: tuple[data.Guide, ...]) -> data.DriveData:
     """Return the drive; the speed at the start is that told of what is driven, or that of a given state."""
-    from reference_solver.mechanism.assembly import Joints  # most scenes do without
-
-    drive, start, name, number = scene.drive, scene.start, scene.driven, None
-    if drive.guide is None:
-        body, speed = scene.number(name), start.speed_rad_s.get(name)
-        if speed is None and start.states:
-            speed = start.states[name].angular_velocity_rad_s
-    else:
-        number = [*scene.guide].index(name)
-        body, speed = guides[number].body_j, start.speed_m_s.get(name)
-        if speed is None and start.states:
-            q, v = state_of(scene)
-            speed = float((Joints(data.MechanismData(bodies, ())).told_rows(q, [guides[number]]) @ v)[0])
-    speed = speed or 0.0
+    drive: Any = scene.drive
+    start, name, number, unit, told = scene.start, scene.driven, None, "rad_s", scene.start.speed_rad_s
+    if drive.guide:
+        number, unit, told = [*scene.guide].index(name), "m_s", start.speed_m_s
+    body, speed = scene.number(name) if number is None else guides[number].body_j, told.get(name, 0.0)
+    if start.states and name not in told:
+        q, v = state_of(scene)
+        row = Joints(data.MechanismData(bodies, ())).told_rows(
+            q, [body if number is None else guides[number]]
+        )
+        speed = float((row @ v)[0])
     law: data.DriveLaw | None = None
     match drive.kind:
         case "constant-speed":
             law = data.ConstantSpeed(speed)
         case "ramp":
-            last = drive.final_speed_rad_s if number is None else drive.final_speed_m_s
-            law = _data(data.Ramp, drive, first=speed, last=last, duration_s=drive.ramp_time_s)
+            law = data.Ramp(speed, getattr(drive, f"final_speed_{unit}"), drive.ramp_time_s)
         case "fluctuating":
-            amplitude = drive.amplitude_rad_s if number is None else drive.amplitude_m_s
-            law = _data(data.Fluctuation, drive, mean=speed, amplitude=amplitude)
+            amplitude = getattr(drive, f"amplitude_{unit}")
+            law = data.Fluctuation(speed, amplitude, drive.frequency_Hz, drive.phase_rad)
         case "table":
-            law = data.Course(drive.course)
+            law = data.Course(drive.table("time_s", "position_m" if drive.guide else "angle_rad"))
         case "torque":
-            by_time = {"torque_N_m": drive.table("time_s", "torque_N_m")} if drive.time_s else {}
-            law = _data(data.Torque, drive, **by_time)
+            law = data.Torque(drive.table("time_s", "torque_N_m") if drive.time_s else drive.torque_N_m)
+        case "motor" if drive.speed_rad_s:
+            law = data.Motor(table=drive.table("speed_rad_s", "torque_N_m"))
         case "motor":
-            table = drive.table("speed_rad_s", "torque_N_m") if drive.speed_rad_s else None
-            law = _data(data.Motor, drive, table=table)
+            law = data.Motor(drive.stall_torque_N_m, drive.no_load_speed_rad_s)
     return data.DriveData(body, number, law, start.time_s)
 
 
@@ -436,28 +418,17 @@ def state_of(scene: Scene) -> tuple[FloatArray, FloatArray]:
 
 def _placed(scene: Scene, short: CrankSlider | None) -> Placed:
     """Return the start of a scene whose parts fit each other; raise ValueError if there is none."""
-    from reference_solver.mechanism.assembly import NotAssembled, assemble, require_closed  # most do without
-
     of, words, told = scene.mechanism, None, _told(scene)
-    try:
-        if scene.start.states:
-            q, v = state_of(scene)
-            require_closed(of, q, v)
-        elif short is not None and short.guide == (0.0, 0.0) and told.speeds.keys() <= {0}:
-            q, v = assembled(short, short.start.crank_angle_rad, told.speeds.get(0, 0.0))
-        else:
-            start, what = assemble(of, told), "guide" if scene.drive.guide else "body"
-            moves = scene.drive.kind == "free" or start.drive_moves
-            require(moves, f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
-            moved = {
-                f"{name} turned by {abs(x):.3g} rad": x
-                for name, x in zip(scene.body, start.turned_rad, strict=True)
-            }
-            moved |= {f"{name} moved by {x:.3g} m": x for name, x in start.moved_m.items()}
-            words = ", ".join(what for what, x in moved.items() if abs(x) > ROUND_OFF) or "nothing moved"
-            q, v = start.q, start.v
-    except NotAssembled as reason:
-        raise ValueError(_refused(scene, str(reason))) from None
+    if scene.start.states:
+        q, v = state_of(scene)
+        require_closed(of, q, v)
+    elif short is not None and short.guide == (0.0, 0.0) and told.speeds.keys() <= {0}:
+        q, v = assembled(short, short.start.crank_angle_rad, told.speeds.get(0, 0.0))
+    else:
+        start, what = assemble(of, told), "guide" if scene.drive.guide else "body"
+        moves = scene.drive.kind == "free" or start.drive_moves
+        require(moves, f"drive.{what}", f"a {what} that joints let move at the start", scene.driven)
+        q, v, words = start.q, start.v, start.moved
     for spring in of.springs:
         has_length = spring.free_length_m > 0 or spring.damping_N_s_m > 0
         apart = not has_length or distance_m(spring, q.reshape(1, -1))[0] > ROUND_OFF * spring.free_length_m
@@ -466,23 +437,10 @@ def _placed(scene: Scene, short: CrankSlider | None) -> Placed:
     return Placed(tuple(q.ravel().tolist()), tuple(v.ravel().tolist()), words)
 
 
-def _refused(scene: Scene, reason: str) -> str:
-    """Return why there is no such start, with the entry that tells what does not hold."""
-    start, expected = scene.start, reason.partition(", got")[0]
-    if "speeds" not in expected or start.states:
-        return f"start.hold: {reason}" if "held" in expected and start.hold else f"start: {reason}"
-    key = "speed_m_s" if start.speed_m_s and not start.speed_rad_s else "speed_rad_s"
-    driven = scene.mechanism.drive.prescribes and scene.driven not in {**start.speed_rad_s, **start.speed_m_s}
-    also = f" (that of {scene.driven}, by the drive, among them)" if driven else ""
-    return f"start.{key}: {reason}{also}"
-
-
-def _told(scene: Scene) -> "assembly.Told":
+def _told(scene: Scene) -> Told:
     """Return what the file tells of the start, by numbers, with the speed of what is driven."""
-    from reference_solver.mechanism.assembly import Told
-
     start, of = scene.start, scene.mechanism
-    bodies: dict[str, assembly.Quantity] = {name: number for number, name in enumerate(scene.body)}
+    bodies: dict[str, Quantity] = {name: number for number, name in enumerate(scene.body)}
     guides, places = {guide.name: guide for guide in of.guides}, dict[str, list[data.Guide]]()
     values = {bodies[name]: angle for name, angle in start.angle_rad.items()}
     values |= {guides[name]: way for name, way in start.position_m.items()}
@@ -491,7 +449,7 @@ def _told(scene: Scene) -> "assembly.Told":
         places[pin] = [data.Guide(**ends, angle_rad=angle, name=pin) for angle in (0.0, math.pi / 2)]
         values |= dict(zip(places[pin], place if isinstance(place, tuple) else (place, 0.0), strict=True))
     speeds = {bodies[name]: speed for name, speed in start.speed_rad_s.items()}
-    along: dict[assembly.Quantity, float] = {guides[name]: speed for name, speed in start.speed_m_s.items()}
+    along: dict[Quantity, float] = {guides[name]: speed for name, speed in start.speed_m_s.items()}
     if isinstance(law := of.drive.law, Motion):
         rates, driven = speeds, bodies.get(scene.driven, of.drive.body)
         if of.drive.guide is not None:

@@ -41,12 +41,10 @@ class Slider(SceneData):
 
 
 class Start(SceneData):
-    """Crank angle and speed at t = 0; everything else follows from the ideal joints.
+    """Crank angle and speed at t = 0, or every body's own state; ``time_s`` is what the drive's clock reads.
 
-    Or every body's own state is given, for a start that is elsewhere in its clearances; ``crank_speed_rad_s``
-    is then that of the drive alone. ``time_s`` is what the drive's clock reads at t = 0. Where the speed
-    fluctuates, ``crank_speed_rad_s`` is the one about which it does. A driven slider has its speed in
-    ``speed_m_s`` in place of the crank's, as in ``{guide = 0.2}``.
+    Where the speed fluctuates, ``crank_speed_rad_s`` is the one about which it does. A driven slider has its
+    speed in ``speed_m_s`` in place of the crank's, as in ``{guide = 0.2}``.
     """
 
     crank_angle_rad: Angle
@@ -104,15 +102,12 @@ class CrankSlider(form.Top):
         if self.rod is None:
             return self
         crank, rod, (tilt, offset) = self.crank.length_m, self.rod.length_m, self.guide
-        longest, also = crank + abs(offset), " + |slider.guide_offset_m|" if offset else ""
-        turns = self.drive.kind == "free" or self.drive.guide is not None or rod >= longest
-        driven = f"with drive.kind = '{self.drive.kind}' (else the crank cannot turn)"
-        require(turns, "rod.length_m", f"at least crank.length_m{also} = {longest:g} {driven}", rod)
-        height = abs(crank * math.sin(self.start.crank_angle_rad - tilt) - offset)
-        reached = (
-            f"more than the distance of pin A from the guide = {height:g} (else the rod cannot reach it)"
-        )
-        require(rod > height, "rod.length_m", reached, rod)
+        height, when = abs(crank * math.sin(self.start.crank_angle_rad - tilt) - offset), "at the start"
+        fits = rod > height
+        if self.drive.kind != "free" and self.drive.guide is None:
+            height, when = crank + abs(offset), "as the driven crank turns"
+        distance = f"{height:g}, the largest distance of pin A from the guide {when}"
+        require(fits and rod >= height, "rod.length_m", f"more than {distance}", rod)
         return self
 
     @property
@@ -127,25 +122,22 @@ class CrankSlider(form.Top):
         and at r sin across it, of the crank's angle from the guide's.
         """
         data, (angle, offset) = self.as_written(), self.guide
-        crank, start, bodies = self.crank, data["start"], dict[str, Any]()
+        start, bodies, gases = data["start"], dict[str, Any](), data.get("load", {}).values()
         for name, near, far in (("crank", "O", "A"), ("rod", "A", "B")):
             if link := data.pop(name, None):
                 bodies[name] = {"pins_m": {near: 0.0, far: link.pop("length_m")}, **link}
         data |= {"body": bodies, "ground": {"pins_m": {"O": 0.0}}, "observe": "A.x", "turning": "crank"}
         angles = {"crank": start.pop("crank_angle_rad")}
         if slider := data.pop("slider", None):
-            through = (-offset * math.sin(angle), offset * math.cos(angle))
             block = {key: value for key, value in slider.items() if not key.startswith("guide")}
             bodies["slider"] = {"pins_m": {"B": 0.0}, **block}
-            data["guide"] = {
-                "guide": {"body": "slider", "pin": "B", "through_m": through, "angle_rad": angle}
-            }
-            data["observe"] = "guide.along"
-            across = offset - crank.length_m * math.sin(angles["crank"] - angle)
+            through = (-offset * math.sin(angle), offset * math.cos(angle))
+            line = {"body": "slider", "pin": "B", "through_m": through, "angle_rad": angle}
+            data |= {"guide": {"guide": line}, "observe": "guide.along"}
+            across = offset - self.crank.length_m * math.sin(angles["crank"] - angle)
             angles["rod"] = angle + math.asin(max(-1.0, min(1.0, across / bodies["rod"]["pins_m"]["B"])))
-        for load in data.get("load", {}).values():
-            if gas := load.get("gas"):
-                gas |= {"angle_rad": gas.pop("crank_angle_rad"), "body": "crank"}
+        for gas in (load["gas"] for load in gases if "gas" in load):
+            gas |= {"angle_rad": gas.pop("crank_angle_rad"), "body": "crank"}
         if self.drive.guide is None:
             data["drive"] = {"body": "crank", **data["drive"]}
         speed = start.pop("crank_speed_rad_s", 0.0)

@@ -8,11 +8,11 @@ import csv
 import math
 from pathlib import Path
 
-from engine_models.scene.plain_words import shortened, shown
+from engine_models.scene.plain_words import BadInput, shortened, shown
 from engine_models.scene.units import NUMBER, converted
 
 
-class BadFile(ValueError):
+class BadFile(BadInput):
     """A file cannot be read, or is no table; the message names it, what was expected and what came."""
 
 

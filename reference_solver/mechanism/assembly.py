@@ -64,7 +64,7 @@ class Rank:
 
 
 class NotAssembled(ValueError):
-    """There is no such start; the message says what was expected of what, and what came."""
+    """There is no such start; the message says of which entry what was expected, and what came."""
 
 
 def rows_named(mechanism: Mechanism) -> list[tuple[str, str]]:
@@ -148,16 +148,14 @@ class Joints:
 class Assembled:
     """A start that was put together: q and v, (n,) each, its rank, and by how much it was moved.
 
-    ``turned_rad`` (b,) is of bodies, ``moved_m`` by their names of guides and pins whose way was told.
-    ``drive_moves`` says whether the joints let move what the drive is on.
+    ``moved`` tells that in words. ``drive_moves`` says whether the joints let move what the drive is on.
     """
 
     q: FloatArray
     v: FloatArray
     rank: Rank
     drive_moves: bool
-    turned_rad: FloatArray
-    moved_m: dict[str, float]
+    moved: str
 
 
 def assemble(of: MechanismData, told: Told) -> Assembled:
@@ -176,14 +174,15 @@ def assemble(of: MechanismData, told: Told) -> Assembled:
     q = _closed(joints, rough, held)
     rank, own = joints.rank(q), Joints(replace(of, pins=of.ideal)).rank(q)
     if own.rank < own.rows:  # of joints with clearance rows are only taken for the start
-        raise NotAssembled(light(of.bodies) or dependence(own))
+        raise NotAssembled(f"start: {light(of.bodies) or dependence(own)}")
     v = _moving(joints, q, told, rank)
     (row,) = joints.told_rows(q, [of.drive.body if of.drive.guide is None else of.guides[of.drive.guide]])
-    off = joints.told(q, ways) - [told.values[it] for it in ways]
-    moved = {
-        name: float(np.linalg.norm(off[[it.name == name for it in ways]])) for name in joints.names(ways)
-    }
-    return Assembled(q, v, rank, joints.lets_move(q, row), (q - rough)[2::3], moved)
+    off, turned = joints.told(q, ways) - [told.values[it] for it in ways], (q - rough)[2::3]
+    moved = [(f"{body.name} turned by", turn, "rad") for body, turn in zip(of.bodies, turned, strict=True)]
+    for name in joints.names(ways):
+        moved.append((f"{name} moved by", float(np.linalg.norm(off[[it.name == name for it in ways]])), "m"))
+    words = ", ".join(f"{what} {abs(x):.3g} {unit}" for what, x, unit in moved if abs(x) > CLOSED)
+    return Assembled(q, v, rank, joints.lets_move(q, row), words or "nothing moved")
 
 
 def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
@@ -198,10 +197,10 @@ def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
     if not gaps.max(initial=0.0) <= START_TOLERANCE:
         name, unit = rows[int(gaps.argmax())]
         came = f"{name} open by {gaps.max():.3g} {unit}"
-        raise NotAssembled(f"expected joints that close, got {came}")
+        raise NotAssembled(f"start: expected joints that close, got {came}")
     if not speeds.max(initial=0.0) <= START_TOLERANCE * (1.0 + np.abs(v).max()):
         came = f"{rows[int(speeds.argmax())][0]} off by {speeds.max():.3g} m/s or rad/s"
-        raise NotAssembled(f"expected speeds that joints and drive allow, got {came}")
+        raise NotAssembled(f"start: expected speeds that joints and drive allow, got {came}")
 
 
 def dependence(rank: Rank) -> str:
@@ -245,18 +244,19 @@ def _closed(joints: Joints, rough: FloatArray, held: Mapping[Quantity, float]) -
     if held:
         _closed(joints, rough, {})  # refuses what never closes
         names = ", ".join(joints.names(held))
-        raise NotAssembled(f"expected held values ({names}) that the joints allow, got {worst}")
-    raise NotAssembled(f"expected joints that close, got {worst}")
+        raise NotAssembled(f"start.hold: expected held values ({names}) that the joints allow, got {worst}")
+    raise NotAssembled(f"start: expected joints that close, got {worst}")
 
 
 def _moving(joints: Joints, q: FloatArray, told: Told, rank: Rank) -> FloatArray:
     """Return velocities that the joints and the speeds told leave: all at rest if none is told."""
     count, speeds = len(told.speeds), np.array([*told.speeds.values()])
+    field = f"start.speed_{'rad_s' if any(isinstance(it, int) for it in told.speeds) else 'm_s'}"
     if count == 0:
         return np.zeros(joints.n)
     if count != rank.freedoms:
         freedoms = "1 degree of freedom" if rank.freedoms == 1 else f"{rank.freedoms} degrees of freedom"
-        raise NotAssembled(f"expected as many speeds as the joints leave, {freedoms}, got {count}")
+        raise NotAssembled(f"{field}: expected as many speeds as the joints leave, {freedoms}, got {count}")
     B = joints.matrix(q)
     rows, rates = np.vstack([B, joints.told_rows(q, told.speeds)]), np.concatenate([np.zeros(len(B)), speeds])
     root = np.sqrt(joints.inverse_mass)
@@ -266,7 +266,8 @@ def _moving(joints: Joints, q: FloatArray, told: Told, rank: Rank) -> FloatArray
         worst = int(off[len(B) :].argmax())
         unit = "rad/s" if isinstance([*told.speeds][worst], int) else "m/s"
         came = f"that of {joints.names(told.speeds)[worst]} off by {off[len(B) + worst]:.3g} {unit}"
-        raise NotAssembled(light(joints.data.bodies) or f"expected speeds that the joints allow, got {came}")
+        why = f"expected speeds that the joints allow, got {came}"
+        raise NotAssembled(f"{field}: {light(joints.data.bodies) or why}")
     return v
 
 

@@ -55,7 +55,7 @@ def judged(engine: Engine, scene: Scene, asked: RunSettings) -> Judged:
 def _with_clearance(engine: Engine, scene: Scene, own: Scene, asked: RunSettings) -> Judged:
     run = engine.simulate(scene, replace(asked, at_s=times_between_s(own, asked.samples)))
     found = solved(own, asked.samples)
-    until_s = scene.end_time_s * (followed(own, asked.samples) - 1) / asked.samples
+    until_s = scene.end_time_s * (followed(own, asked.samples, judged=True) - 1) / asked.samples
     peaks = _peaks(own, selected(found.truth, found.truth.time_s <= until_s * (1 + ROUNDING)))
     equal = asked.are_equal(found.truth.time_s, scene.end_time_s)
     if len(run.time_s) < len(equal):

@@ -72,15 +72,22 @@ class Solved(NamedTuple):
         return Solved(selected(self.truth, which), repeats, self.by)
 
 
-def converged(scene: Scene, samples: int) -> tuple[Trajectory, tuple[Trajectory, ...]]:
+def converged(scene: Scene, samples: int, judged: bool = False) -> tuple[Trajectory, tuple[Trajectory, ...]]:
     """Return the true trajectory and its repeats, at equally spaced times.
+
+    Where runs are ``judged`` at more times, it is not solved at these alone.
 
     Raises:
         ValueError: there are no samples.
         UnsupportedScene, SimulationFailed: see ``solved``.
     """
     require_samples(samples)
-    found = _on_equal(scene, samples)
+    if judged:
+        found = solved(scene, samples)
+        equal = RunSettings(scene.end_time_s, samples).are_equal(found.truth.time_s, scene.end_time_s)
+        found = found.selected(equal)
+    else:
+        found = _on_equal(scene, samples)
     return found.truth, found.repeats
 
 
@@ -101,7 +108,7 @@ def times_between_s(scene: Scene, samples: int) -> tuple[float, ...]:
 
 def _judging(scene: Scene, samples: int) -> RunSettings:
     """Return the settings of a true run to judge by."""
-    return RunSettings(scene.end_time_s, samples, _telling_times_s(scene))
+    return RunSettings(scene.end_time_s, samples, _telling(scene)[0])
 
 
 @lru_cache(maxsize=64)
@@ -115,7 +122,8 @@ def solved(scene: Scene, samples: int) -> Solved:
         return _on_equal(scene, samples)
     if _at_least(samples) > samples:
         return solved(scene, _at_least(samples))
-    truth, repeats, by = _solved(scene, _judging(scene, samples))
+    known = _telling(scene)[1] if samples == GRID else None
+    truth, repeats, by = _solved(scene, _judging(scene, samples), known)
     return Solved(with_largest(truth), tuple(with_largest(repeat) for repeat in repeats), by)
 
 
@@ -133,14 +141,17 @@ def _at_least(samples: int) -> int:
 
 
 @lru_cache(maxsize=64)
-def _telling_times_s(scene: Scene) -> tuple[float, ...]:
-    """Return the times within the impacts of the true solution, and those at which a signal is large."""
+def _telling(scene: Scene) -> tuple[tuple[float, ...], tuple[Trajectory, str]]:
+    """Return the times within the impacts of the true solution and those at which a signal is large.
+
+    Behind them is the solution at these and those of ``GRID``, with what it is by.
+    """
     dense = RunSettings(scene.end_time_s, DENSE)
     return kept(__name__, TRUE, scene, dense, lambda: _found_telling(scene, dense))
 
 
-def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
-    run = _sampled(scene, dense)
+def _found_telling(scene: Scene, dense: RunSettings) -> tuple[tuple[float, ...], tuple[Trajectory, str]]:
+    run, _ = _true(scene, dense)
     times = [run.time_s[_peaks(size)] for size in sizes(scene, run).values()]
     giving = [joint for joint, room in scene.clearances.items() if room.law != "rigid"]
     impacts = {joint: _begins_and_ends_s(run, run.contacts[joint]) for joint in giving}
@@ -152,25 +163,30 @@ def _found_telling(scene: Scene, dense: RunSettings) -> tuple[float, ...]:
     long, long_s = every[lasted_s > LONG * usual_s], lasted_s[lasted_s > LONG * usual_s]
     step_s = max(usual_s / PER_IMPACT, long_s.sum() / MOST_FINE)
     fine = [np.arange(begin, end, step_s) for begin, end in long.tolist()]
+    whole = RunSettings(scene.end_time_s, GRID, tuple(np.concatenate([*times, *fine]).tolist()))
+    every_run, by = _true(scene, whole)
     if fine:  # there may be many oscillations in them
-        at_s = tuple(np.unique(np.concatenate(fine)).tolist())
-        run = _sampled(scene, RunSettings(scene.end_time_s, 1, at_s))
+        run = selected(every_run, np.isin(every_run.time_s, np.concatenate(fine)))
     for joint in giving if fine else ():
         for begin, end in impacts[joint]:
             inside = np.flatnonzero((run.time_s > begin) & (run.time_s < end))
             force_N = run.contacts[joint].normal_force_N[inside]
             near = inside[_peaks(force_N)][:, None] + np.arange(-BESIDE, BESIDE + 1)
             times.append(run.time_s[np.clip(near.ravel(), 0, len(run.time_s) - 1)])
-    return tuple(np.unique(np.concatenate(times)).tolist())
+    telling = np.unique(np.concatenate(times))
+    equal = whole.are_equal(every_run.time_s, scene.end_time_s)
+    found = selected(every_run, equal | np.isin(every_run.time_s, telling))
+    return tuple(telling.tolist()), (found, by)
 
 
-def _sampled(scene: Scene, dense: RunSettings) -> Trajectory:
+def _true(scene: Scene, run: RunSettings) -> tuple[Trajectory, str]:
+    """Return the true solution at the times of a run, and what it is by."""
     try:
-        return TRUE.simulate(scene, dense)
+        return TRUE.simulate(scene, run), INDEPENDENT
     except LimitPosition:
         raise
     except (UnsupportedScene, SimulationFailed):
-        return SHARP.simulate(scene, dense)
+        return SHARP.simulate(scene, run), REFERENCE
 
 
 def _peaks(size: FloatArray) -> NDArray[np.bool_]:
@@ -190,16 +206,14 @@ def _begins_and_ends_s(run: Trajectory, contact: Contact) -> FloatArray:
     return ends
 
 
-def _solved(scene: Scene, whole: RunSettings) -> Solved:
-    """Return what solves a scene, and its solution, at the times of a run in whole steps."""
+def _solved(scene: Scene, whole: RunSettings, known: tuple[Trajectory, str] | None = None) -> Solved:
+    """Return the solution at the times of a run in whole steps, unless it is known, with its repeats."""
     beside, other = (a_place_off(scene, side * PLACES) for side in (1.0, -1.0))
-    try:
-        runs, by = [kept_run(TRUE, scene, whole)], INDEPENDENT
-        runs += [kept_run(CONFIRMING, begun, whole) for begun in (beside, other)]
-    except LimitPosition:
-        raise
-    except (UnsupportedScene, SimulationFailed):
-        runs, by = [kept_run(SHARP, scene, whole), kept_run(LESS_SHARP, beside, whole)], REFERENCE
+    truth, by = known or kept(__name__, TRUE, scene, whole, lambda: _true(scene, whole))
+    if by == INDEPENDENT:
+        runs = [truth, *(kept_run(CONFIRMING, begun, whole) for begun in (beside, other))]
+    else:
+        runs = [truth, kept_run(LESS_SHARP, beside, whole)]
         runs.append(kept_run(RK4, other, replace(whole, step_s=RK4_STEP_S)))
     truth, *repeats = (require_quality(scene, run) for run in runs)
     return Solved(truth, tuple(repeats), by)
@@ -215,13 +229,14 @@ def true_at(scene: Scene, run: RunSettings) -> Trajectory:
 
 
 @lru_cache(maxsize=64)
-def followed(scene: Scene, samples: int) -> int:
+def followed(scene: Scene, samples: int, judged: bool = False) -> int:
     """Return how many samples of the true trajectory come before the scene's horizon.
 
     That is where a repeat parts from it, or with clearance a run of the reference with the turning body's
-    angle moved by PERTURBATION_RAD to either side, if the start tells that angle.
+    angle moved by PERTURBATION_RAD to either side, if the start tells that angle. Of ``judged`` see
+    ``converged``.
     """
-    truth, repeats = converged(scene, samples)
+    truth, repeats = converged(scene, samples, judged)
     whole, sides = RunSettings(scene.end_time_s, samples), list[Scene]()
     if scene.clearances:
         with suppress(ValueError):

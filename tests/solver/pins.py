@@ -8,7 +8,7 @@ from reference_solver.mechanism.contacts import ClearanceJoint, ContactLaw, Rigi
 from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Point
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
-from reference_solver.solver import ErrorControl, StepChoice, solve
+from reference_solver.solver import ErrorControl, Solver, StepChoice, check_start
 from reference_solver.tape import FloatArray
 
 GRAVITY, MASS, INERTIA, CLEARANCE, RADIUS = 9.81, 0.1, 1e-4, 5e-4, 0.01
@@ -43,7 +43,8 @@ def run(
     """Return a run; an integer is a number of steps."""
     choice = StepChoice(end_s / step) if isinstance(step, int) else step
     start = np.array(q, dtype=float), np.array(v, dtype=float)
-    return solve(mechanism, *start, end_time_s=end_s, samples=samples, step=choice)
+    check_start(mechanism, *start)
+    return Solver(mechanism, start[0], choice).run(*start, end_s, samples)
 
 
 def lambert(a: float) -> float:

@@ -33,18 +33,16 @@ LEVEL = np.array([D, 0.0, 0.0])
 
 def test_a_free_body_falls_and_spins_up() -> None:
     free = Mechanism((Body(M, I),), (), loads=(Torque(0, Constant(6.0)),), gravity_m_s2=G)
-    acceleration, _ = Equations(free, np.zeros(3)).accelerations(0.0, np.zeros(3), np.zeros(3))
+    acceleration = Equations(free, np.zeros(3)).required(0.0, np.zeros(3), np.zeros(3)).accelerations
     np.testing.assert_allclose(acceleration, [0.0, -G, 6.0 / I])
 
 
 def test_a_level_pendulum_falls_by_its_inertia_about_the_pivot_and_is_held_in_its_circle() -> None:
     speed = 4.0
-    acceleration, force = Equations(PENDULUM, LEVEL).accelerations(
-        0.0, LEVEL, np.array([0, D * speed, speed])
-    )
+    answer = Equations(PENDULUM, LEVEL).required(0.0, LEVEL, np.array([0, D * speed, speed]))
     spin = -M * G * D / (I + M * D * D)
-    np.testing.assert_allclose(acceleration, [-speed * speed * D, spin * D, spin])
-    np.testing.assert_allclose(force, [-M * speed * speed * D, M * (spin * D + G)])
+    np.testing.assert_allclose(answer.accelerations, [-speed * speed * D, spin * D, spin])
+    np.testing.assert_allclose(answer.multipliers, [-M * speed * speed * D, M * (spin * D + G)])
 
 
 def test_a_projection_closes_the_joint_and_stops_what_would_open_it() -> None:
@@ -63,7 +61,7 @@ def test_baumgartes_feedback_is_a_damped_oscillator_of_the_gap() -> None:
     """A joint at the centre of mass that is 0.01 m open and opens at 0.2 m/s."""
     pinned = Mechanism((Body(M, I),), (Pin(GROUND, (0, 0), 0, (0, 0)),))
     equations = Equations(pinned, np.zeros(3), Baumgarte(30.0, 50.0))
-    acceleration, _ = equations.accelerations(0.0, np.array([0.01, 0, 0]), np.array([0.2, 0, 0]))
+    acceleration = equations.required(0.0, np.array([0.01, 0, 0]), np.array([0.2, 0, 0])).accelerations
     np.testing.assert_allclose(acceleration, [-2 * 30.0 * 0.2 - 50.0**2 * 0.01, 0.0, 0.0])
 
 

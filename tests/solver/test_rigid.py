@@ -15,7 +15,7 @@ from reference_solver.mechanism.contacts import ContactLaw, RigidWall
 from reference_solver.mechanism.data import FrictionLaw
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
-from reference_solver.solver import ErrorControl, StepChoice, solve
+from reference_solver.solver import ErrorControl, StepChoice
 from tests.helpers.mechanism_energy import energy_residual_J
 from tests.helpers.orders import slope
 from tests.scenes import scene
@@ -184,7 +184,7 @@ def test_a_pin_at_rest_on_a_rigid_wall_leaves_when_a_compliant_one_lifts_it() ->
 def turned(of: Scene, end_s: float, steps: int, samples: int = 100) -> Solution:
     """Return a scene's run in so many steps."""
     q, v = (part.ravel() for part in start_state(of))
-    return solve(mechanism_of(of), q, v, end_time_s=end_s, samples=samples, step=end_s / steps)
+    return run(mechanism_of(of), q, v, end_s, steps, samples)
 
 
 def test_the_ledger_closes_at_order_four_over_a_revolution_with_impacts_closings_and_following() -> None:

@@ -46,7 +46,7 @@ def ran(name: str) -> tuple[Scene, Trajectory, FloatArray]:
     q, v = found.position.reshape(n, -1), found.velocity.reshape(n, -1)
     equations = Equations(mechanism, q[0])
     accelerated = [
-        equations.accelerations(float(found.time_s[k]), q[k], v[k], phases_of(mechanism, found, k))[0]
+        equations.required(float(found.time_s[k]), q[k], v[k], phases_of(mechanism, found, k)).accelerations
         for k in range(n)
     ]
     return of, found, np.reshape(accelerated, (n, *shape))

@@ -66,6 +66,7 @@ def test_a_round_is_timed_by_its_least_repeat_and_again_if_it_is_slower_than_one
     assert [row["repeats"] for row in rows] == [1, 1, 3, 4, 1]
     first, second = rounds_of(monkeypatch, 1, 2, 1.01)
     assert (first["solve_time_s"], second) == (1.01, {"repeats": 0})
+    assert rounds_of(monkeypatch, 1, 3, 0.11, 0.1)[2] == {"repeats": 0}  # two agree
 
 
 @pytest.mark.parametrize("off_m", [4.9e-4, 5.1e-4, np.nan])

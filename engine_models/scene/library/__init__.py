@@ -4,19 +4,14 @@ Set R is the literature's standard case, set F its free counterpart. A file with
 that scene but for its own. The rigid scenes are those with clearance between walls that do not give.
 """
 
-import sys
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+from engine_models.scene.file import entries
 from engine_models.scene.format import Clearance, Friction
 from engine_models.scene.scene import Scene
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 
 TEXTS = {file.stem: file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("*.toml"))}
 Makers = Mapping[str, Callable[[], Scene]]
@@ -37,7 +32,7 @@ def _entries(name: str) -> dict[str, Any]:
             kept = {key: value for key, value in room.items() if key not in STEEL}
             own["clearance"][joint] = kept | {"law": "rigid"}
         return {**own, "name": name}
-    own = tomllib.loads(TEXTS[name])
+    own = entries(TEXTS[name])
     return {**(_entries(own.pop("base")) if "base" in own else {}), "name": name, **own}
 
 

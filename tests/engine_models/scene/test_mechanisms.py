@@ -126,17 +126,17 @@ def test_gravity_is_a_number_along_minus_y_or_a_pair(said: str, gravity: tuple[f
 
 
 @pytest.mark.parametrize(
-    ("text", "body", "what", "unit"),
+    ("text", "body", "what"),
     [
-        (FOUR_BAR, 2, "x", "m"),
-        (FOUR_BAR.replace('"B.x"', '"A.y"'), 1, "y", "m"),
-        (FOUR_BAR.replace('"B.x"', '"rocker.angle"'), 2, "angle", "rad"),
-        (TWIN, 3, "along", "m"),
+        (FOUR_BAR, 2, "x"),
+        (FOUR_BAR.replace('"B.x"', '"A.y"'), 1, "y"),
+        (FOUR_BAR.replace('"B.x"', '"rocker.angle"'), 2, "angle"),
+        (TWIN, 3, "along"),
     ],
 )
-def test_what_is_observed_is_a_place_an_angle_or_a_way(text: str, body: int, what: str, unit: str) -> None:
+def test_what_is_observed_is_a_place_an_angle_or_a_way(text: str, body: int, what: str) -> None:
     observed = from_toml(text).observed
-    assert (observed.body, observed.what, observed.unit) == (body, what, unit)
+    assert (observed.body, observed.what) == (body, what)
 
 
 # Starts by places
