@@ -223,7 +223,7 @@ def summary(scene: Scene, run: Trajectory, transient: float, revolutions: float)
             impacts = contact.impacts
             ended = impacts.largest_normal_force_N[impacts.largest_normal_force_time_s >= from_s]
             forces_N += [*contact.normal_force_N[first:], *ended]
-    subject = "slider" if scene.is_crank_slider else "observed"
+    subject = "slider" if scene.is_short and "rod" in scene.body else "observed"
     return {
         "impacts_per_revolution": len(touch_s) / revolutions,
         "flight_part": float(in_flight.mean()),

@@ -47,10 +47,7 @@ class ExudynEngine(Engine):
     only scenes whose ideal joints close no loop. The trapezoidal rule holds velocities to the constraints;
     where it gives up, the generalized-alpha method, which holds positions, may come through.
     DOPRI5 chooses its steps, up to the run's, for a local error of ``step_tolerance`` in m, rad, m/s and
-    rad/s; the others take the run's step. With larger tolerances than are allowed runs have overflowed, and
-    Exudyn then went on for ever. ``step_safety`` is the part that it takes of the step that the error
-    estimate allows: at Exudyn's own 0.9 a step overflows here and there, at 0.8 too where the tolerance is
-    1e-6 (docs/engines/exudyn.md). In contact, steps end on touch and release and grow again.
+    rad/s; the others take the run's step. In contact, steps end on touch and release and grow again.
 
     ``spectral_radius`` (at infinite frequency) matters to the generalized-alpha method alone: 1 would keep
     the spurious oscillation of its multipliers for ever, 0.5 forgets it within some ten steps.
@@ -60,7 +57,6 @@ class ExudynEngine(Engine):
 
     solver: Literal["auto", "TrapezoidalIndex2", "GeneralizedAlpha", "DOPRI5", "RK44"] = "auto"
     step_tolerance: Annotated[float, Field(gt=0, le=1e-4)] = 1e-10
-    step_safety: Annotated[float, Field(gt=0, lt=1)] = 0.8
     spectral_radius: Annotated[float, Field(ge=0, lt=1)] = 0.5
     timeout_s: Annotated[float, Field(gt=0)] = 120.0
 

@@ -158,7 +158,7 @@ def observed_m(scene: Scene, run: Trajectory) -> FloatArray:
 
 def observed_columns(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
     """Return what a scene observes, and its rate, (n,) each, by their columns: ``observed_B_x_m``."""
-    if scene.is_crank_slider:
+    if scene.is_short and "rod" in scene.body:
         names = "slider_position_m", "slider_velocity_m_s"
     else:
         of = scene.observed
@@ -175,7 +175,7 @@ def guide_column(scene: Scene, guide: str) -> str:
 
 def observed_in_words(scene: Scene) -> str:
     """Return what a tolerance is of, in words."""
-    if scene.is_crank_slider:
+    if scene.is_short and "rod" in scene.body:
         return "slider position"
     of = scene.observed
     scaled = f" times the longest lever, {lever_m(scene):.3g} m" if of.what == "angle" else ""

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
 from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown, unknown_key
-from engine_models.scene.tables import BadFile, read_columns
+from engine_models.scene.tables import read_columns
 from engine_models.scene.units import in_own_units
 from reference_solver.mechanism import data
 from reference_solver.mechanism.contacts import DAMPING_FACTORS, NORMAL_LAWS
@@ -29,8 +29,6 @@ TURN = 2 * math.pi
 REVOLUTION_RAD, CLOSES = 1e-4, 1e-9
 #: Speeds of straight lines that differ by less than this part of the fastest are one, but for typed digits.
 SAME_SPEED = 1e-6
-#: How many points each takes: a cubic spline without conditions at its ends, and a straight line.
-FEWEST_POINTS: dict[Interpolation, int] = {"spline": 4, "linear": 2}
 #: What each kind of drive needs, of a body, and what it may have.
 NEEDED: dict[str, tuple[str, ...]] = {
     "ramp": ("final_speed_rad_s", "ramp_time_s"),
@@ -48,7 +46,6 @@ SLOPES = {"position_m": "m/s", "angle_rad": "rad/s", "force_N": "N/s", "speed_ra
 DAMPED_LAWS = ("kelvin-voigt", *sorted(NORMAL_LAWS.keys() - {"dissipative"}))
 LAWS = ("linear", "hertz", *DAMPED_LAWS, *DAMPING_FACTORS, "rigid")
 FrictionLaw = Literal["saturated-linear", "ambrosio", "tanh"]
-PRINTED = "a string that is not empty and begins with neither a blank nor =, +, - or @"
 
 
 class SceneError(BadInput):
@@ -78,7 +75,7 @@ NonNegative = Annotated[float, Field(ge=0)]
 #: Beyond 1e6 an angle's own spacing is more than 1e-10 rad, and a whole turn is not known that well either.
 Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
 #: What a drive's clock may read at the start: later, its own spacing is more than 1e-12 s.
-Clock = Annotated[float, Field(ge=0, le=1e4)]
+Clock = Annotated[NonNegative, Field(le=1e4)]
 #: Columns of a table; a list in a file.
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Angles = Annotated[tuple[Angle, ...], Field(strict=False)]
@@ -155,7 +152,7 @@ class Table(SceneData):
         require(not beside, "file", f"nothing beside {one_of(beside)}", file)
         try:
             columns = read_columns((info.context or {}).get("folder", Path()) / file, names)
-        except BadFile as reason:
+        except BadInput as reason:
             raise ValueError(f"file: {reason}") from None
         return {key: value for key, value in data.items() if key != "file"} | columns
 
@@ -168,7 +165,7 @@ class Table(SceneData):
             return self
         self.require(x is not None, x_name, f"a value beside a list {one_of(names)}")
         self.require(columns != [], names[0], f"a list of {one_of(names)}")
-        fewest = FEWEST_POINTS[self.interpolation]
+        fewest = 4 if self.interpolation == "spline" else 2
         require(len(x) >= fewest, x_name, f"at least {fewest} numbers", len(x))
         for name in columns:
             count = len(getattr(self, name))
@@ -183,9 +180,6 @@ class Table(SceneData):
         """Return a column over another."""
         x, y = getattr(self, x_name), getattr(self, y_name)
         return data.Table(x, y, self.interpolation, self.end_slopes, period)
-
-
-# Bodies, guides, springs
 
 
 class Ground(SceneData):
@@ -227,9 +221,6 @@ class Spring(SceneData):
     damping_N_s_m: NonNegative = 0.0
 
 
-# Clearances
-
-
 class Friction(SceneData):
     """Friction in a joint with clearance, which rises over ``regularisation_speed_m_s`` from rest."""
 
@@ -240,10 +231,9 @@ class Friction(SceneData):
 
     @model_validator(mode="after")
     def _dead_band_belongs_to_ambrosio(self) -> "Friction":
-        name, limit = "dead_band_speed_m_s", self.regularisation_speed_m_s
+        name, band, limit = "dead_band_speed_m_s", self.dead_band_speed_m_s, self.regularisation_speed_m_s
         self.require_if(self.law == "ambrosio", name, f"with law = '{self.law}'")
-        below = (self.dead_band_speed_m_s or 0.0) < limit
-        self.require(below, name, f"a number < regularisation_speed_m_s = {limit:g}")
+        self.require((band or 0.0) < limit, name, f"a number < regularisation_speed_m_s = {limit:g}")
         return self
 
 
@@ -294,9 +284,6 @@ class Clearance(SceneData):
         of = self.friction
         rubbing = data.FrictionLaw(**of.model_dump(exclude_none=True)) if of else None
         return data.ClearanceData(**self.model_dump(exclude={"friction", "bearing"}), friction=rubbing)
-
-
-# Loads
 
 
 class Gas(Table):
@@ -437,9 +424,6 @@ class Drive(Table):
         return self
 
 
-# Starts
-
-
 class BodyState(SceneData):
     """Where a body's centre of mass is, and how fast it moves."""
 
@@ -481,6 +465,6 @@ class Top(SceneData):
     Names begin cells of CSV files, and spreadsheets run what begins as a formula does.
     """
 
-    name: Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect(PRINTED)]
+    name: Annotated[str, Field(pattern=r"^[^\s=+\-@＝＋－＠]"), expect("text, first no blank, =, +, - or @")]
     end_time_s: Annotated[float, Field(gt=0, ge=1e-100)]
     gravity_m_s2: Annotated[NonNegative | Pair, expect("a finite number >= 0 or a list of two")] = 0.0

@@ -16,8 +16,6 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from engine_models.scene.bad_input import BadInput as BadInput
 from engine_models.scene.units import unit_of
 
-JsonSchema = dict[str, Any]
-
 BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
 SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 #: Beginnings of pydantic's words, and what stands for them.
@@ -32,8 +30,8 @@ WORDS = {
     r"None$|Unexpected .*": "nothing",
     r"(at (least|most) \d+ items?) after.*": r"\1",
 }
-#: Longest piece of the input that a message repeats, and most reasons that it gives.
-LONGEST, MOST_REASONS = 60, 3
+#: Longest piece of the input that a message repeats.
+LONGEST = 60
 
 
 def expect(words: str) -> Any:
@@ -48,13 +46,13 @@ def expect(words: str) -> Any:
     return WrapValidator(checked)
 
 
-def fields(kind: Any) -> dict[str, JsonSchema]:
+def fields(kind: Any) -> dict[str, dict[str, Any]]:
     """Return the JSON schema of each field of a pydantic model or dataclass."""
-    properties: dict[str, JsonSchema] = TypeAdapter(kind).json_schema()["properties"]
+    properties: dict[str, dict[str, Any]] = TypeAdapter(kind).json_schema()["properties"]
     return properties
 
 
-def expectation(schema: JsonSchema) -> str:
+def expectation(schema: Mapping[str, Any]) -> str:
     """Return what a field with this JSON schema takes: ``a number > 0``, ``"rk4" or "dop853"``."""
     texts = []
     for choice in schema.get("anyOf", [schema]):
@@ -106,10 +104,10 @@ def refusal(error: ValidationError, known: Iterable[str] = ()) -> str:
 
 
 def refusals(error: ValidationError, known: Iterable[str] = ()) -> list[str]:
-    """Return why pydantic refused data: the first reasons, and how many more there are."""
+    """Return why pydantic refused data: the first three reasons, and how many more there are."""
     reasons = [reason for details in error.errors() for reason in _reasons(details, known)]
-    more = len(reasons) - MOST_REASONS
-    return [*reasons[:MOST_REASONS], f"and {more} more"] if more > 0 else reasons
+    more = len(reasons) - 3
+    return reasons if more <= 0 else [*reasons[:2], f"{reasons[2]}; and {more} more"]
 
 
 def _reasons(error: ErrorDetails, known: Iterable[str]) -> list[str]:

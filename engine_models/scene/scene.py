@@ -4,11 +4,11 @@ It is checked by its names, resolved to the mechanism that engines build from, a
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 import tomli_w
@@ -17,7 +17,7 @@ from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, model_valid
 from engine_models.scene import format as form
 from engine_models.scene.arguments import check_arguments
 from engine_models.scene.format import Named, Place, SceneError, require, require_known
-from engine_models.scene.plain_words import expect, one_of, shown
+from engine_models.scene.plain_words import expect, one_of
 from engine_models.scene.short import OF_GENERAL, CrankSlider, assembled, in_short
 from reference_solver.mechanism import data
 from reference_solver.mechanism.assembly import Joints, Quantity, Told, assemble, require_closed
@@ -45,13 +45,13 @@ class Placed(NamedTuple):
 
 
 class Observed(NamedTuple):
-    """What a scene is about, by its name: a coordinate of a point of a body, its angle, or a guide's way.
+    """What a scene is about, by its name: x or y of a point of a body, its angle, or the way along a guide.
 
     Tolerances, errors and studies are of this quantity.
     """
 
     name: str
-    what: Literal["x", "y", "angle", "along"]
+    what: str
     body: int
     point: Point = (0.0, 0.0)
     guide: data.Line | None = None
@@ -93,11 +93,7 @@ class Scene(form.Top):
     @classmethod
     def checked(cls, data: Mapping[str, Any], folder: Path = Path(), **_: Any) -> "Scene":
         """Return the scene that a mapping describes, in either spelling; raise SceneError if it is none."""
-        general = [name for name in OF_GENERAL if name in data]
-        if general and "crank" in data:
-            came = shown(data[general[0]])
-            raise SceneError(f"{general[0]}: expected nothing beside crank (the short form), got {came}")
-        if general:
+        if data.keys() & OF_GENERAL:
             return super().checked(data, folder, body=data.get("body"))
         short = CrankSlider.checked(data, folder)
         try:
@@ -132,11 +128,6 @@ class Scene(form.Top):
     def is_short(self) -> bool:
         """Whether it is written in the short spelling, as a crank-slider or a pendulum."""
         return self._short is not None
-
-    @property
-    def is_crank_slider(self) -> bool:
-        """Whether it is written as a crank-slider, so that its columns are of crank and slider."""
-        return self._short is not None and self._short.rod is not None
 
     @property
     def short(self) -> CrankSlider:
@@ -185,17 +176,12 @@ class Scene(form.Top):
     def observed(self) -> Observed:
         """What the scene is about."""
         name, _, axis = self.observe.rpartition(".")
-        what: Any = axis
         if axis == "along":
             guide = self.mechanism.guides[[*self.guide].index(name)]
-            return Observed(self.observe, what, guide.body_j, guide.point_j, guide)
+            return Observed(self.observe, axis, guide.body_j, guide.point_j, guide)
         last = name if axis == "angle" else self.pins[name][-1]
         point = (0.0, 0.0) if axis == "angle" else self.point(last, name)
-        return Observed(self.observe, what, self.number(last), point)
-
-    def guides_of(self, body: str) -> list[str]:
-        """Return the names of the guides that a body is in."""
-        return [name for name, guide in self.guide.items() if guide.body == body]
+        return Observed(self.observe, axis, self.number(last), point)
 
     @property
     def driven(self) -> str:
@@ -254,7 +240,7 @@ def _names(scene: Scene) -> Iterator[tuple[str, str | None, Iterable[str], str]]
         yield f"clearance.{pin}", pin, joints, "a pin of two bodies, of two at one place where three meet"
         yield f"clearance.{pin}.bearing", room.bearing, pins[pin], f"what has pin {pin}"
     for name, load in scene.load.items():
-        own = scene.guides_of(name)
+        own = [it for it, guide in scene.guide.items() if guide.body == name]
         yield f"load.{name}", name, bodies, "a body"
         yield f"load.{name}.guide", load.guide, own, f"a guide of {name}"
         free = scene.body[name].pins_m if load.has_forces and not own else ()
@@ -295,7 +281,7 @@ def _check_parts(scene: Scene) -> None:
         c, expected = room.radial_clearance_m, f"a number < {longest:g}, the longest distance on a body"
         require(c < longest or not longest, f"clearance.{name}.radial_clearance_m", expected, c)
     for name, load in scene.load.items():
-        path, guides = f"load.{name}", scene.guides_of(name)
+        path, guides = f"load.{name}", [it for it, guide in scene.guide.items() if guide.body == name]
         one = load.guide is not None or len(guides) < 2 or not load.has_forces
         require(one, f"{path}.guide", one_of(guides), None)
         alone, told = load.has_forces and not guides, "a number for a force without a guide, and only there"
@@ -329,25 +315,22 @@ def _mechanism(scene: Scene) -> data.MechanismData:
 
     A pin is a joint from the first part that has it to each other, named PIN or, of three or more, PIN.BODY.
     """
-    rooms = {pin: scene.clearance[pin].data() if pin in scene.clearance else None for pin in scene.pins}
     pins = tuple(
         data.Pin(
             **_ends(scene, (first, pin), (other, pin)),
             name=pin if len(others) == 1 else f"{pin}.{other}",
-            clearance=rooms[pin],
+            clearance=room.data() if (room := scene.clearance.get(pin)) else None,
             bearing_on_j=pin in scene.clearance and scene.clearance[pin].bearing == other,
         )
         for pin, (first, *others) in scene.pins.items()
         for other in others
     )
-    guides = tuple(
-        _data(data.Guide, it, name=name, **_ends(scene, (it.on, it.through_m), (it.body, it.pin)))
-        for name, it in scene.guide.items()
-    )
-    springs = tuple(
-        _data(data.Spring, it, name=name, **_ends(scene, *(end.split(".") for end in it.between)))
-        for name, it in scene.spring.items()
-    )
+
+    def each(kind: type[Kind], parts: Mapping[str, Any], ends: Callable[[Any], Any]) -> tuple[Kind, ...]:
+        return tuple(_data(kind, it, name=name, **_ends(scene, *ends(it))) for name, it in parts.items())
+
+    guides = each(data.Guide, scene.guide, lambda it: ((it.on, it.through_m), (it.body, it.pin)))
+    springs = each(data.Spring, scene.spring, lambda it: (end.split(".") for end in it.between))
     bodies = tuple(_data(data.Body, it, name=name) for name, it in scene.body.items())
     loads = tuple(_load(scene, name, it, guides) for name, it in scene.load.items())
     gravity = scene.gravity_m_s2 if isinstance(scene.gravity_m_s2, tuple) else (0.0, -scene.gravity_m_s2)

@@ -27,5 +27,5 @@ def scene_schema() -> JsonSchemaValue:
     A file with a crank has the short form, others the general one.
     """
     parts = TypeAdapter(CrankSlider | Scene).json_schema(schema_generator=_AsTyped)["$defs"]
-    short, general = ({"$ref": f"#/$defs/{form.__name__}"} for form in (CrankSlider, Scene))
-    return {"$defs": parts, "if": {"required": ["crank"]}, "then": short, "else": general}
+    then, other = ({"$ref": f"#/$defs/{form.__name__}"} for form in (CrankSlider, Scene))
+    return {"$defs": parts, "if": {"required": ["crank"]}, "then": then, "else": other}

@@ -1,10 +1,9 @@
 """The short spelling of a crank-slider or a pendulum, and the general one that it is rewritten into.
 
 The crank turns about joint O at the origin, the slider moves along its guide, which passes O at an offset,
-positive to the left of the guide's direction, at an angle from +x: both are 0 unless given. Angles are
-counter-clockwise from +x. Joint A connects crank and rod, joint B rod and slider; the slider's centre of mass
-is its pin B. A link's centre of mass lies on the line of its joints, at the given distance from its first
-joint (O for the crank, A for the rod). A pendulum is a crank alone, hanging from joint O.
+positive to the left of the guide's direction, at an angle from +x. Joint A connects crank and rod, B rod and
+slider; the slider's centre of mass is pin B, a link's is on the line of its joints, at the given distance
+from its first. A pendulum is a crank alone, in joint O.
 """
 
 import math
@@ -19,7 +18,7 @@ from engine_models.scene.format import Angle, BodyState, Named, Positive, SceneD
 from reference_solver.tape import FloatArray
 
 #: Entries that the general spelling alone has, by which a file without a crank is of that spelling.
-OF_GENERAL = ("body", "ground", "guide", "observe")
+OF_GENERAL = {"body", "ground", "guide", "observe"}
 
 
 class Link(SceneData):

@@ -12,26 +12,22 @@ from engine_models.scene.plain_words import BadInput, shortened, shown
 from engine_models.scene.units import NUMBER, converted
 
 
-class BadFile(BadInput):
-    """A file cannot be read, or is no table; the message names it, what was expected and what came."""
-
-
 def read_text(path: Path) -> str:
-    """Return the text in a file; raise BadFile where it cannot be read, or is not UTF-8 text."""
+    """Return the text in a file; raise BadInput where it cannot be read, or is not UTF-8 text."""
     try:
         return path.read_text(encoding="utf-8-sig")  # Windows' editors put a mark first
     except OSError as error:
         name, came = shortened(str(path), 255), f"'{error.strerror}'"
-        raise BadFile(f"{name}: expected a file that can be read, got {came}") from None
+        raise BadInput(f"{name}: expected a file that can be read, got {came}") from None
     except UnicodeDecodeError as error:
         byte = f"byte 0x{error.object[error.start]:02x} at {error.start}"
-        raise BadFile(f"{path}: expected UTF-8 text, got {byte}") from None
+        raise BadInput(f"{path}: expected UTF-8 text, got {byte}") from None
 
 
 def read_columns(path: Path, columns: tuple[str, ...]) -> dict[str, list[float]]:
     """Return columns of a CSV file by name: the first, and of the others those that are there, one at least.
 
-    Raises BadFile where the file cannot be read, or is no table of these columns.
+    Raises BadInput where the file cannot be read, or is no table of these columns.
     """
     content, named = read_text(path), f"{columns[0]} and {' or '.join(columns[1:])}"
     first = content.partition("\n")[0]
@@ -39,17 +35,17 @@ def read_columns(path: Path, columns: tuple[str, ...]) -> dict[str, list[float]]
     reader = csv.reader(content.splitlines(), delimiter=separator, skipinitialspace=True)
     numbered = ((line, [cell.strip() for cell in row]) for line, row in enumerate(reader, 1))
     (_, head), *rows = [(line, row) for line, row in numbered if any(row)] or [(1, [""])]
-    places = {column: [at for at, name in enumerate(head) if converted(column, name)] for column in columns}
-    counts = [len(at) for at in places.values()]
-    if counts[0] != 1 or max(counts) > 1 or sum(counts) < 2:
+    places = {column: at for column in columns for at, name in enumerate(head) if converted(column, name)}
+    if columns[0] not in places or len(places) < 2:
         came = shown(", ".join(head)) if any(head) else "nothing"
-        raise BadFile(f"{path}: expected the columns {named} in its first line, got {came}")
-    out = dict[str, list[float]]()
-    for column, at in places.items():
-        for place in at:
-            numbers = [_number(f"{path} line {line}", row[place:], column, separator) for line, row in rows]
-            out[column] = [converted(column, head[place]) * number for number in numbers]
-    return out
+        raise BadInput(f"{path}: expected the columns {named} in its first line, got {came}")
+    return {
+        column: [
+            converted(column, head[at]) * _number(f"{path} line {line}", row[at:], column, separator)
+            for line, row in rows
+        ]
+        for column, at in places.items()
+    }
 
 
 def _number(where: str, cells: list[str], column: str, separator: str) -> float:
@@ -57,5 +53,5 @@ def _number(where: str, cells: list[str], column: str, separator: str) -> float:
     typed = cells[0] if cells else ""
     number = typed.replace(",", ".") if separator == ";" else typed
     if not (NUMBER.fullmatch(number) and math.isfinite(float(number))):
-        raise BadFile(f"{where}: expected a finite number for {column}, got {shown(typed or None)}")
+        raise BadInput(f"{where}: expected a finite number for {column}, got {shown(typed or None)}")
     return float(number)

@@ -50,7 +50,7 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
             columns[f"contact_{joint}_friction_force_N"] = contact.friction_force_N
     if run.dissipated_energy_J is not None:
         columns["dissipated_energy_J"] = run.dissipated_energy_J
-    if scene.is_crank_slider:
+    if scene.is_short and "rod" in scene.body:
         forward, _ = direction(of.guides[0], run.position)
         columns["slider_acceleration_m_s2"] = np.sum(forward * moving[:, SLIDER, :2], axis=1)
         columns |= {"rod_angle_rad": run.position[:, ROD, 2], "rod_speed_rad_s": run.velocity[:, ROD, 2]}

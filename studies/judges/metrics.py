@@ -45,7 +45,7 @@ def signals(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[str, FloatAr
     pins in their bearings, are vectors, (n, 2). The driver torque is compared only where it is a reaction:
     under a prescribed speed.
     """
-    if scene.is_short and not scene.is_crank_slider:
+    if scene.is_short and "rod" not in scene.body:
         yield "crank_angle_rad", trajectory.position[:, 0, 2]
         yield "crank_speed_rad_s", trajectory.velocity[:, 0, 2]
     else:
@@ -147,10 +147,11 @@ def checked(scene: Scene, run: Trajectory) -> Row:
 #: last place of their values in extended precision; the margin is 2.
 ROUND_OFF = 4 * float(np.finfo(float).eps)
 
-#: The truth may be off by so many times its largest distance from a repeat, which may be small by chance: of
-#: normal errors the truth's, if of a quarter of its repeat's spread, is beyond three distances in 5 % of all
-#: cases, and beyond one in 16 %. Its spread is less than that by far (see ``converged_truth``).
-COVERAGE = 3.0
+#: The truth may be off by so many times its largest distance from a repeat. Where impacts magnify round-off,
+#: that is a draw of the same spread, and may be small by chance. Of solutions of a scene with every number a
+#: place off, 96 % at least are within six distances in each signal of twelve scenes, and 91 % by other starts
+#: of the repeats; within three 74 and 67 %.
+COVERAGE = 6.0
 
 #: Units at the end of column names, longest first.
 UNITS = ("rad_s", "m_s", "N_m", "N_s", "rad", "m", "N", "J", "s")

@@ -31,11 +31,11 @@ def test_of_all_joints_impacts_are_counted_together_and_the_worst_error_counts()
     row = accuracy.impacts_of(found)
     assert (row["impacts_matched"], row["impacts_unmatched"], row["impacts_missed"]) == (3, 0, 1)
     assert row["impact_time_error_s"] == pytest.approx(0.03)
-    assert row["impact_time_uncertainty_s"] == pytest.approx(0.003), "three times the distance"
+    assert row["impact_time_uncertainty_s"] == pytest.approx(0.006), "six times the distance"
     assert row["impact_force_error_N"] == pytest.approx(1.0)
     assert row["impact_force_relative_error"] == pytest.approx(1.0), "one is missed"
-    assert row["impact_force_uncertainty_N"] == pytest.approx(0.03)
-    assert row["impact_force_relative_uncertainty"] == pytest.approx(0.03 / 8)
+    assert row["impact_force_uncertainty_N"] == pytest.approx(0.06)
+    assert row["impact_force_relative_uncertainty"] == pytest.approx(0.06 / 8)
     assert row["largest_contact_force_error_N"] == pytest.approx(0.5)
 
 

@@ -2,10 +2,10 @@
 
 Frozen is what another independent solver had, up to the scene's predictability horizon: in coordinates of a
 spanning tree, gaps of loose pins among them, by collocation (commit 7642256c). A number's stated uncertainty
-is ``COVERAGE`` times the largest distance of repeats by two methods, begun some places beside, and round-off.
+is three times the largest distance of repeats by two methods, begun some places beside, and round-off.
 
 A solution may differ from a frozen one by ``TIMES`` its stated uncertainty and ``ROUNDING`` of the largest
-of its kind. To the uncertainty comes the solution's own: ``COVERAGE`` distances from its repeats.
+of its kind. To the uncertainty comes the solution's own: ``TIMES`` distances from its repeats.
 """
 
 import io
@@ -27,7 +27,6 @@ from engine_models.scene.library import ALL_SCENES, SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import GRID, PLACES, converged, truth_by
 from studies.judges.horizon import a_place_off
-from studies.judges.metrics import COVERAGE
 from studies.settings import END_S
 from tests.engines.runs import impact_numbers, numbers
 
@@ -102,7 +101,7 @@ def outside(name: str, *runs: Trajectory) -> dict[str, str]:
             wrong[key] = f"{len(first[key])} values, {len(value)} expected"
             continue
         own = max((np.abs(run[key] - first[key]).max(initial=0.0) for run in others), default=0.0)
-        bound = TIMES * (about["uncertainty"][key] + COVERAGE * own) + ROUNDING * largest[kind_of(key)]
+        bound = TIMES * (about["uncertainty"][key] + TIMES * own) + ROUNDING * largest[kind_of(key)]
         off = np.abs(first[key] - value).max(initial=0.0)
         if not off <= bound:
             wrong[key] = f"off by {off:.1e}, {bound:.1e} allowed"
