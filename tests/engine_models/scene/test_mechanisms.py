@@ -171,7 +171,7 @@ def test_a_rough_place_of_a_pin_tells_on_which_side_a_four_bar_begins(side: floa
 
 
 def test_a_pin_that_is_held_off_its_path_is_refused() -> None:
-    start = {"place_m": {"B": [0.3, 0.2]}, "hold": ["B"]}
+    start = {"place_m": {"B": [0.28, 0.25]}, "hold": ["B"]}
     with pytest.raises(SceneError, match=r"^start\.hold: expected held values \(B\) that the joints allow"):
         from_toml(FOUR_BAR).replace("start", start)
 
