@@ -252,7 +252,8 @@ def compare(given: dict[str, Any], as_json: bool = False) -> None:
     from reports.standings import standings_table
 
     changes = [f"--with {quote('='.join(change))}" for change in given.get("changes", {}).items()]
-    typed = " ".join([quote(given["scene"]), *changes])
+    end = [f"--end {quote(str(given['end']))}"] if "end" in given else []
+    typed = " ".join([quote(given["scene"]), *changes, *end])
     result = use("compare", given, scene=use("read_scene", given), given=typed)
     result.save(result.folder)
     table = standings_table(result.standings).cells()
