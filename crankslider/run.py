@@ -128,6 +128,7 @@ class Run:
         mark, largest = None, self.largest_contact_force
         if largest:
             label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
+            label += f" after {self.start_s:.6g} s" if self.start_s else ""
             mark = largest.time_s, largest.force_N, label
         title = f"{self.scene.name}, {self.engine_name}"
         return time_plot(self.frame, title, self.quality.summary(), mark, columns)

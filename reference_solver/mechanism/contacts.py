@@ -149,8 +149,8 @@ def dissipative(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scalar,
 
 
 def kuwabara_kono(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scalar, Scalar]:  # noqa: ARG001
-    """Return elastic force and damper of F = K delta^1.5 + D delta^0.5 delta' (Kuwabara and Kono 1987)."""
-    return law.stiffness * power(depth, 1.5), law.damping_N_s_m * sqrt(depth)
+    """Return elastic force and damper of F = K delta^n + D delta^0.5 delta', n = 1.5 (Kuwabara-Kono 1987)."""
+    return law.stiffness * power(depth, law.exponent), law.damping_N_s_m * sqrt(depth)
 
 
 #: The normal laws by kind.

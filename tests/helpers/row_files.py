@@ -17,6 +17,7 @@ def row(number: int, scene: str, engine: str, arm: str, step_s: float, **columns
         "engine": engine,
         "arm": arm,
         "label": f"{engine} ({arm})",
+        "samples": 4,
         "step_s": step_s,
         "status": "ok",
         "reason": "",

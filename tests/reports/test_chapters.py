@@ -95,7 +95,7 @@ def test_the_answer_is_the_fastest_setting_and_what_is_next_best() -> None:
     assert line == {
         "you need": "motion within 1 µm, ideal joints",
         "use": "reference (DOP853), step 0.05 s",
-        "command": "crankslider simulate ideal-free --end 0.5 --engine reference --step 0.05",
+        "command": "crankslider simulate ideal-free --end 0.5 --engine reference --samples 4 --step 0.05",
         "time for 1 s of motion [ms]": "8",
         "next best": "exudyn (trapezoidal), step 0.05 s (15x)",
     }

@@ -23,7 +23,12 @@ def rows(engine: str, settings: tuple[tuple[float, float], ...], **more: Any) ->
     for tolerance, (error, time) in zip(TOLERANCES, settings, strict=True):
         head: dict[str, Any] = {"scene": "mine", "engine": engine, "arm": "arm", "label": f"{engine} (arm)"}
         head |= {"case": f"{engine}{tolerance}", "status": "ok", "reason": "", "end_time_s": 1.0}
-        head |= {"step_s": 0.01, "setting_step_tolerance": tolerance, "judged_by": "slider_position_error_m"}
+        head |= {
+            "step_s": 0.01,
+            "samples": 9,
+            "setting_step_tolerance": tolerance,
+            "judged_by": "slider_position_error_m",
+        }
         measured: dict[str, Any] = {"slider_position_error_m": error, "slider_position_uncertainty_m": 1e-12}
         measured |= {"joint_O_force_error_N": 1e6 * error, "unaccounted_energy_part": 1e-9}
         measured |= {"compared_until_s": 1.0, "quality_failure": "", "wanted_error": 1e-6}
@@ -44,7 +49,8 @@ def test_the_fastest_at_the_error_wanted_is_recommended_at_a_setting_that_was_ru
     text = said(rows("exudyn", FAST), rows("reference", SLOW, compared_until_s=0.45)).splitlines()
     assert text == [
         "Use exudyn (arm) at step_tolerance 1e-08.",
-        "Command: crankslider simulate mine.toml --engine exudyn --set step_tolerance=1e-08 --step 0.01",
+        "Command: crankslider simulate mine.toml --engine exudyn --set step_tolerance=1e-08 "
+        "--samples 9 --step 0.01",
         "Slider position error: 100 nm; asked for: 1 µm.",
         "Next best engine: reference (arm) at step_tolerance 1e-06, 1.5x slower at equal error.",
         "Not good enough at step_tolerance 1e-06: slider position error 10 µm.",
