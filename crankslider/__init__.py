@@ -26,7 +26,7 @@ __all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "s
 for _name in ("reference_solver", "engine_models", "studies", "reports"):
     _spec = find_spec(_name)
     if _spec is None or Path(__file__).parents[1] not in Path(str(_spec.origin)).parents:
-        _place = None if _spec is None else _spec.origin or [*(_spec.submodule_search_locations or ())]
+        _place = _spec and (_spec.origin or [*(_spec.submodule_search_locations or ())])
         raise ImportError(f"{_name}: expected crankslider's own, got {_place}: rename what is there")
 
 
@@ -35,7 +35,3 @@ def __getattr__(name: str) -> Any:
     if name in {*__all__, "__version__"}:
         return getattr(import_module("crankslider.library"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return [*__all__, "__version__"]

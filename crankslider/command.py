@@ -1,7 +1,8 @@
 """The command ``crankslider``: exit code 0, 2 for bad input, 1 for failed work, 130 after Ctrl-C.
 
 A command is a function of the same name. Its options are the arguments that its docstring describes, and
-those of the library's functions that it names.
+those of the library's functions that it names. Behind an argument there may be in brackets what is typed
+for it: ``[--with FIELD=VALUE]``, or ``[SCENE]`` for one without an option's name.
 """
 
 import inspect
@@ -16,15 +17,17 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from importlib.metadata import version as installed
+from importlib.metadata import version
 from operator import attrgetter
 from pathlib import Path
 from shlex import quote
+from tempfile import TemporaryDirectory
+from traceback import walk_stack
 from types import FrameType
 from typing import Annotated, Any, get_args, get_origin
 
 import typer
-from typer import Argument, Exit, Option, Typer
+from typer import Argument, Option, Typer
 
 from studies.failures import BadInput, Failed, bug, log, progress_console, writing
 
@@ -33,35 +36,23 @@ INTERRUPTED = 130
 LINE_S = 10.0
 #: Whose functions no interrupt may leave: LLVM calls them, and goes on with half a result. It comes again.
 UNBREAKABLE, AGAIN_S = "llvmlite.", 0.01
-#: Arguments that are given without an option's name, as a usage line shows them; options that are named
-#: otherwise than the argument; and the form of assignments.
-PLACED = {"scene": "SCENE", "studies": "[STUDY]...", "name": "[NAME]"}
-NAMED = {
-    "changes": ("--with",),
-    "settings": ("--set",),
-    "engines": ("--engine",),
-    "start": ("--from", "--start"),
-    "table": ("--from",),
-    "table_scene": ("--scene",),
-    "as_json": ("--json",),
-}
-FORMS = {"changes": "FIELD=VALUE", "settings": "KEY=VALUE", "vary": "FIELD=VALUES"}
 QUIET = Annotated[bool, Option("--quiet", help="Print neither notes nor progress, and no table of samples.")]
 
 
-class Given(dict[str, Any]):
-    """What was typed of a command's options, by the names of arguments."""
-
-    def to(self, function: str | Callable[..., Any], **more: Any) -> Any:
-        """Return what a function, or one of ``library``, makes of those that it has, and of others."""
-        function = of_library(function) if isinstance(function, str) else function
-        names = inspect.signature(function).parameters
-        return function(**{name: it for name, it in self.items() if name in names} | more)
+def use(path: str, given: Mapping[str, Any], /, **more: Any) -> Any:
+    """Return what a function of ``library`` makes of what was typed, by names of arguments, and of others."""
+    return call(of_library(path), {**given, **more})
 
 
-def of_library(name: str) -> Callable[..., Any]:
+def call(function: Callable[..., Any], given: Mapping[str, Any]) -> Any:
+    """Return what a function makes of those arguments that it has."""
+    names = inspect.signature(function).parameters
+    return function(**{name: it for name, it in given.items() if name in names})
+
+
+def of_library(path: str) -> Callable[..., Any]:
     """Return a function of ``library``, which takes a second to load."""
-    return attrgetter(name)(import_module("crankslider.library"))  # type: ignore[no-any-return]
+    return attrgetter(path)(import_module("crankslider.library"))  # type: ignore[no-any-return]
 
 
 def make_app(name: str) -> Typer:
@@ -69,9 +60,9 @@ def make_app(name: str) -> Typer:
     app = Typer(
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},
-        help="Simulate planar mechanisms with the reference solver, Exudyn, Pymunk and SciPy; compare them.",
+        help="Simulate planar mechanisms with the reference solver, Exudyn, Pymunk and SciPy; compare them. "
+        "--version prints the version.",
     )
-    app.callback()(about)
     for function, paths in COMMANDS.items():
         run = with_options(function, paths) if function.__name__ == name else lambda: None
         app.command(function.__name__, help=described(function)[0])(run)
@@ -80,72 +71,62 @@ def make_app(name: str) -> Typer:
 
 def with_options(function: Callable[..., None], paths: Sequence[str]) -> Callable[..., None]:
     """Return a command as typer takes it: all its options are text, lists of texts or flags."""
-    parameters = dict[str, inspect.Parameter]()
+    parameters, forms = dict[str, inspect.Parameter](), dict[str, list[str]]()
     for each in (*map(of_library, paths), function):
         arguments = inspect.signature(inspect.unwrap(each)).parameters
-        parameters |= {name: option(arguments[name], text) for name, text in described(each)[1].items()}
+        texts = {**described(each)[1], "as_json": ("--json", "print JSON.")}
+        for name in [name for name in texts if name in arguments]:
+            typed, text = texts[name]
+            forms[name] = typed.split() or [f"--{name.replace('_', '-')}", name.upper()]
+            parameters[name] = option(arguments[name], forms[name], text)
     quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=QUIET)
 
     def run(quiet: bool, **values: Any) -> None:
         log.setLevel(logging.WARNING if quiet else logging.INFO)
-        given = Given({name: it for name, it in values.items() if it not in (None, [])})
-        for name in given.keys() & FORMS.keys():
-            given[name] = assigned(NAMED.get(name, (name,))[0].lstrip("-"), FORMS[name], given[name])
-        given.to(function, **({"given": given} if paths else {}))
+        given = {name: it for name, it in values.items() if it not in (None, [])}
+        for name in given:
+            if "=" in forms[name][-1]:
+                given[name] = assigned(forms[name], given[name])
+        call(function, {**given, "given": given})
 
     run.__signature__ = inspect.Signature([*parameters.values(), quiet])  # type: ignore[attr-defined]
     return run
 
 
-def option(argument: inspect.Parameter, text: str) -> inspect.Parameter:
-    """Return an argument of a function as a parameter of typer's, with what its docstring says of it."""
-    name = argument.name
+def option(argument: inspect.Parameter, typed: Sequence[str], text: str) -> inspect.Parameter:
+    """Return an argument of a function as a parameter of typer's, with what is typed for it and its help."""
     origins = {get_origin(each) for each in (argument.annotation, *get_args(argument.annotation))}
     several, flag = bool(origins & {Mapping, Sequence}), argument.default is False
     kind: Any = bool if flag else list[str] | None if several else str | None
-    names = NAMED.get(name, (f"--{name.replace('_', '-')}",))
-    info = Option(*names, metavar=None if flag else FORMS.get(name, name.upper()), help=text)
-    if name in PLACED:
-        info = Argument(metavar=PLACED[name], help=text)
+    names, form = [word for word in typed if word.startswith("--")], typed[-1]
+    info = (
+        Option(*names, metavar=None if flag else form, help=text)
+        if names
+        else Argument(metavar=form, help=text)
+    )
     default = None if several else argument.default
     return argument.replace(default=default, annotation=Annotated[kind, info], kind=argument.KEYWORD_ONLY)
 
 
-def described(function: Callable[..., Any]) -> tuple[str, dict[str, str]]:
-    """Return what a docstring says of a function, and of its arguments."""
+def described(function: Callable[..., Any]) -> tuple[str, dict[str, tuple[str, str]]]:
+    """Return what a docstring says of a function, and of its arguments: what is typed, and the help."""
     head, _, rest = (inspect.getdoc(function) or "").partition("\n\nArgs:\n")
-    lines = re.findall(r"^    (\w+): (.*(?:\n {8,}.*)*)", rest.partition("\n\n")[0], re.MULTILINE)
-    return head, {name: " ".join(text.split()) for name, text in lines}
+    lines = re.findall(r"^    (\w+)(?: \[(.*)\])?: (.*(?:\n {8,}.*)*)", rest, re.MULTILINE)
+    return head, {name: (typed, " ".join(text.split())) for name, typed, text in lines}
 
 
-def assigned(option: str, form: str, assignments: Sequence[str]) -> dict[str, str]:
-    """Return the values of assignments of a form such as ``KEY=VALUE`` by their keys."""
+def assigned(typed: Sequence[str], assignments: Sequence[str]) -> dict[str, str]:
+    """Return the values of assignments of an option and a form such as ``--set KEY=VALUE`` by their keys."""
     from engine_models.scene.plain_words import shown
 
     values = dict[str, str]()
     for assignment in assignments:
         key, equals, value = assignment.partition("=")
-        if not (key and equals):
-            raise BadInput(f"{option}: expected {form}, got {shown(assignment)}")
-        if key in values:
-            raise BadInput(f"{option} {key}: expected one value, got {values[key]} and {value}")
+        if not (key and equals) or key in values:
+            got = f"{key} twice" if key in values else shown(assignment)
+            raise BadInput(f"{typed[0][2:]}: expected {typed[-1]}, got {got}")
         values[key] = value
     return values
-
-
-def print_version(wanted: bool) -> None:
-    """Print the version and end, if that is wanted."""
-    if wanted:
-        print(f"crankslider {installed('crankslider')}")
-        raise Exit
-
-
-def about(
-    version: Annotated[
-        bool, Option("--version", help="Print the version.", callback=print_version, is_eager=True)
-    ] = False,
-) -> None:
-    """Handle the options before a command."""
 
 
 def print_rows(rows: Sequence[Sequence[str]]) -> None:
@@ -156,11 +137,7 @@ def print_rows(rows: Sequence[Sequence[str]]) -> None:
 
 
 def scenes(as_json: bool = False) -> None:
-    """List the scenes of the library.
-
-    Args:
-        as_json: print JSON.
-    """
+    """List the scenes of the library."""
     from engine_models.scene.library import ALL_SCENES
 
     rows = [("scene", "drive", "clearance", "end time", "about")]
@@ -178,16 +155,13 @@ def engines(name: str | None = None, as_json: bool = False) -> None:
     """List the engines, their settings and the library scenes that each can run.
 
     Args:
-        name: describe this engine in full.
-        as_json: print JSON.
+        name [[NAME]]: describe this engine in full.
     """
     from engine_models.engine import UnsupportedScene
     from engine_models.engines import ENGINES, engine_class
     from engine_models.scene.library import ALL_SCENES
-    from engine_models.scene.plain_words import expectation, fields, shown, unknown
+    from engine_models.scene.plain_words import expectation, fields, shown
 
-    if name is not None and name not in ENGINES:
-        raise BadInput(unknown("NAME", name, ENGINES))
     listed = []
     for engine in [name] if name else ENGINES:
         kind, refused = engine_class(engine), dict[str, str]()
@@ -208,23 +182,19 @@ def engines(name: str | None = None, as_json: bool = False) -> None:
         print(json.dumps(listed, indent=2))
 
 
-def show(given: Given) -> None:
+def show(given: dict[str, Any]) -> None:
     """Print a scene as TOML, as a template for a file of your own."""
-    print(given.to("read_scene").to_toml(), end="")
+    print(use("read_scene", given).to_toml(), end="")
 
 
-def check(given: Given) -> None:
+def check(given: dict[str, Any]) -> None:
     """Tell freedoms and start of a mechanism, singular positions, dead centres, transmission angles."""
     from crankslider.library import refusing
-    from engine_models.engine import ImpossibleStart
     from engine_models.reference.inspection import inspect
 
-    physics = given.to("read_scene")
+    physics = use("read_scene", given)
     with refusing(), progress(physics.end_time_s):
-        try:
-            print("\n".join(inspect(physics)))
-        except ImpossibleStart as reason:
-            raise BadInput(str(reason)) from None
+        print("\n".join(inspect(physics)))
 
 
 def schema() -> None:
@@ -234,60 +204,56 @@ def schema() -> None:
     print(json.dumps(scene_schema(), indent=2, ensure_ascii=False))
 
 
-def simulate(given: Given) -> None:
+def simulate(given: dict[str, Any]) -> None:
     """Run a scene; write motion, forces and energy as a table, on request impacts, a figure, an animation."""
     write(given, "simulate")
 
 
-def truth(given: Given) -> None:
+def truth(given: dict[str, Any]) -> None:
     """Write the reference solution of a scene, independent of all engines, as far as it is predictable."""
     write(given, "truth")
 
 
-def write(given: Given, solve: str) -> None:
+def write(given: dict[str, Any], solve: str) -> None:
     """Write what was asked for of a run, without files its samples to stdout, and notes."""
-    scene = given.to("read_scene")
+    scene = use("read_scene", given)
     files = {name: given[name] for name in ("out", "impacts", "plot", "animate") if name in given}
-    given.to("require_outputs", scene=scene, files=files)
+    use("require_outputs", given, scene=scene, files=files)
     if "plot_columns" in given:
         given["plot_columns"] = [name for each in given["plot_columns"] for name in each.split(",")]
     if not files and log.isEnabledFor(logging.INFO):
         given["out"] = "-"
     with progress(scene.end_time_s):
-        run = given.to(solve, scene=scene, end=None)
-        given.to(run.write)
+        run = use(solve, given, scene=scene, end=None)
+        call(run.write, given)
     for note in run.notes():
         log.info(note)
 
 
-def sweep(given: Given) -> None:
+def sweep(given: dict[str, Any]) -> None:
     """Run a scene with many values of its fields, one row each; an interrupted sweep resumes.
 
     Revolutions are those of the crank, or of the scene's turning body, at its speed at the start. Without
     such a speed, one revolution is the scene's end time.
     """
     given.setdefault("out", "sweep.parquet")
-    swept = given.to("sweep", scene=given.to("read_scene"))
+    swept = use("sweep", given, scene=use("read_scene", given))
     log.info(f"{len(swept.frame)} rows are in {given['out']}")
 
 
-def run(given: Given) -> None:
+def run(given: dict[str, Any]) -> None:
     """Run studies; finished cases are saved and skipped the next time."""
-    given.to("run_studies")
+    use("run_studies", given)
     log.info(f"the results are in {given['out']}")
 
 
-def compare(given: Given, as_json: bool = False) -> None:
-    """Compare engines on a scene: which configuration and setting to use, with its error and run time.
-
-    Args:
-        as_json: print JSON.
-    """
+def compare(given: dict[str, Any], as_json: bool = False) -> None:
+    """Compare engines on a scene: which configuration and setting to use, with its error and run time."""
     from reports.standings import standings_table
 
     changes = [f"--with {quote('='.join(change))}" for change in given.get("changes", {}).items()]
     typed = " ".join([quote(given["scene"]), *changes])
-    result = given.to("compare", scene=given.to("read_scene"), given=typed)
+    result = use("compare", given, scene=use("read_scene", given), given=typed)
     result.save(result.folder)
     table = standings_table(result.standings).cells()
     if as_json:
@@ -298,37 +264,36 @@ def compare(given: Given, as_json: bool = False) -> None:
 
 
 def conform(
-    name: str | None = None,
-    table: str | None = None,
-    table_scene: str | None = None,
-    as_json: bool = False,
+    name: str | None = None, table: str | None = None, table_scene: str | None = None, as_json: bool = False
 ) -> None:
     """Run the checks that every engine has to pass; exit code 1 if one fails.
 
     Args:
-        name: an engine, or your own: my_module:MyEngine.
-        table: a CSV table of another solver in place of an engine.
-        table_scene: the scene that the table is of.
-        as_json: print JSON.
+        name [[NAME]]: an engine, or your own: my_module:MyEngine.
+        table [--from FILE.csv]: a CSV table of another solver in place of an engine.
+        table_scene [--scene SCENE]: the scene that the table is of.
     """
     from rich.progress import track
 
-    from crankslider.library import verdicts_on, verdicts_on_table
+    from crankslider.library import join_engines, verdicts_on_table
+    from engine_models.engines import make_engine
+    from studies.conform import verdicts
 
     if (name is None) == (table is None) or (table_scene is None) != (table is None):
         raise BadInput("NAME: expected an engine, or --from FILE.csv with --scene SCENE, got another call")
-    checks = verdicts_on(name) if name else verdicts_on_table(str(table), str(table_scene))
-    verdicts = [*track(checks, name or table or "", None, console=progress_console(), transient=True)]
+    join_engines([name] if name else [])
+    checks = verdicts(make_engine(name)) if name else verdicts_on_table(str(table), str(table_scene))
+    made = [*track(checks, name or table or "", None, console=progress_console(), transient=True)]
     if as_json:
-        print(json.dumps([each._asdict() for each in verdicts], indent=2))
-    for claim in () if as_json else dict.fromkeys(each.claim for each in verdicts):
-        ones = [each for each in verdicts if each.claim == claim]
+        print(json.dumps([each._asdict() for each in made], indent=2))
+    for claim in () if as_json else dict.fromkeys(each.claim for each in made):
+        ones = [each for each in made if each.claim == claim]
         wrong = [each for each in ones if not each.holds]
         held = f"{len(ones) - len(wrong)} of {len(ones)} scenes" if ones[0].scene else ones[0].measured
         print(f"{'FAILS' if wrong else 'holds'}  {claim}: {held}")
         for each in wrong if ones[0].scene else ():
             print(f"         {each.scene}: {each.measured}")
-    if not all(each.holds for each in verdicts):
+    if not all(each.holds for each in made):
         raise Failed(f"{name or table} does not pass all checks")
 
 
@@ -338,10 +303,9 @@ def baseline(
     """Compare the accuracy of all configurations with baselines; exit code 1 if a number left its band.
 
     Args:
-        name: an engine alone, or your own: my_module:MyEngine.
+        name [[NAME]]: an engine alone, or your own: my_module:MyEngine.
         folder: folder of that engine's baselines.
-        accept: accept the numbers as they are, for this reason.
-        as_json: print JSON.
+        accept [--accept REASON]: accept the numbers as they are, for this reason.
     """
     from crankslider.library import join_engines
     from engine_models.arms import NAMED as ALL
@@ -365,21 +329,14 @@ def report(results: str = "results", out: str = "report", against: str | None = 
     from pandas import DataFrame
 
     from reports.contents import CHAPTERS
-    from reports.page import Contradiction, read_claims, require_replaceable, write_report
-    from studies.whole_file import whole_folder
+    from reports.page import read_claims, require_replaceable, write_report
 
     place = Path(out)
-    try:
-        before = read_claims(Path(against)) if against else {}
-    except (OSError, ValueError, LookupError, TypeError) as reason:
-        raise BadInput(f"against: expected the folder of a report, got '{reason}'") from None
+    before = read_claims(Path(against)) if against else {}
     with writing("out", place):
         require_replaceable(place)
-        try:
-            with whole_folder(place) as new:
-                made = write_report(Path(results), new, CHAPTERS)
-        except Contradiction as reason:
-            raise Failed(str(reason)) from None
+        with whole_folder(place) as new:
+            made = write_report(Path(results), new, CHAPTERS)
     for note in made.notes:
         log.info(note)
     if against:
@@ -387,6 +344,20 @@ def report(results: str = "results", out: str = "report", against: str | None = 
     else:
         print("\n".join(made.answer))
     log.info(f"the report is {place / 'index.html'}")
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Give an empty folder that takes the place of ``path`` at the block's end, and vanishes if it fails."""
+    path = Path(os.path.realpath(path))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as beside:
+        new, old = Path(beside, "new"), Path(beside, "old")
+        new.mkdir()
+        yield new
+        if path.exists():
+            path.rename(old)
+        new.rename(path)
 
 
 @contextmanager
@@ -426,40 +397,34 @@ COMMANDS: dict[Callable[..., None], tuple[str, ...]] = {
 
 def interrupt(_: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt, unless that would break LLVM: then the signal comes again."""
-    while frame is not None:
-        if frame.f_globals.get("__name__", "").startswith(UNBREAKABLE):
-            signal.signal(signal.SIGALRM, interrupt)
-            signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
-            return
-        frame = frame.f_back
-    raise KeyboardInterrupt
+    if any(each.f_globals.get("__name__", "").startswith(UNBREAKABLE) for each, _ in walk_stack(frame)):
+        signal.signal(signal.SIGALRM, interrupt)
+        signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+    else:
+        raise KeyboardInterrupt
 
 
 def explain(error: BaseException) -> tuple[str, int]:
     """Return the message and the exit code for an error."""
     if isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt):
         return "interrupted", INTERRUPTED  # a native solver passes Ctrl-C on as a cause
-    match error:
-        case typer.TyperException():
-            return f"command line: expected what --help tells, got '{error.format_message()}'", 2
-        case BadInput() | Failed():
-            return str(error), 2 if isinstance(error, BadInput) else 1
-        case BrokenPipeError():  # the reader of stdout has closed it
-            return "", 1
-        case MemoryError():
-            return "the run needs more memory than there is", 1
-        case OSError():
-            return f"{error.filename or 'output'}: {error.strerror or error}", 2
-        case _:
-            return bug(error), 1
+    if isinstance(error, typer.TyperException):
+        return f"command line: expected what --help tells, got '{error.format_message()}'", 2
+    if isinstance(error, BadInput | Failed):
+        return str(error), 2 if isinstance(error, BadInput) else 1
+    if isinstance(error, BrokenPipeError):  # the reader of stdout has closed it
+        return "", 1
+    if isinstance(error, OSError):
+        return f"{error.filename or 'output'}: {error.strerror or error}", 2
+    return "the run needs more memory than there is" if isinstance(error, MemoryError) else bug(error), 1
 
 
 def main() -> None:
     """Run the command line and exit with its exit code."""
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
-    for level, word in ((logging.INFO, "note"), (logging.WARNING, "warning"), (logging.ERROR, "error")):
-        logging.addLevelName(level, word)
+    for word in ("INFO", "WARNING", "ERROR"):
+        logging.addLevelName(getattr(logging, word), "note" if word == "INFO" else word.lower())
     for logger in (log, logging.getLogger("reference_solver")):
         logger.handlers = [handler]
     warnings.showwarning = lambda message, *_: log.warning(str(message))
@@ -474,6 +439,9 @@ def main() -> None:
             signal.signal(number, interrupt)
     try:
         named = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
+        if sys.argv[1:] == ["--version"]:
+            print(f"crankslider {version('crankslider')}")
+            sys.exit()
         code = make_app(named)(standalone_mode=False, prog_name="crankslider") or 0
         sys.stdout.flush()
         message = "interrupted" if code == INTERRUPTED else ""  # which typer returns after Ctrl-C

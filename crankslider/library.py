@@ -1,6 +1,8 @@
 """The functions of the library: each checks its arguments once, and the commands call no others.
 
-What a docstring says of an argument is the help of the option of a command.
+All raise ``BadInput`` for an argument, a scene or a file that is refused, and for an engine that cannot run
+the scene; ``Failed``, which says when and why, for work that breaks down. What a docstring says of an
+argument is the help of the option of a command.
 """
 
 import os
@@ -19,12 +21,22 @@ from warnings import warn
 import numpy as np
 from pydantic import Field, InstanceOf
 
-from crankslider.run import Comparison, Run, Sweep, picture, require_file, require_outputs, write_file
-from engine_models.engine import MOST_SAMPLES, Engine, RunSettings, SimulationFailed, UnsupportedScene
+from crankslider.run import Comparison, Run, Sweep, Times, require_file, require_outputs, write_file
+from engine_models.engine import (
+    MOST_SAMPLES,
+    Engine,
+    Impacts,
+    ImpossibleStart,
+    RunSettings,
+    SimulationFailed,
+    UnsupportedScene,
+)
 from engine_models.engines import join, make_engine
+from engine_models.mechanics.samples import selected
+from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
 from engine_models.scene.file import load as load_scene
-from engine_models.scene.format import NonNegative, Positive
+from engine_models.scene.format import NonNegative
 from engine_models.scene.library import ALL_SCENES
 from engine_models.scene.plain_words import expect, one_of, shown, unknown
 from engine_models.scene.scene import Scene
@@ -51,24 +63,17 @@ Jobs = Annotated[int, Field(ge=1, le=1000), in_words()]
 Members = Annotated[int, Field(ge=1, le=100_000), in_words()]
 Seed = Annotated[int, Field(ge=0), in_words()]
 Transient = Annotated[NonNegative, in_words()]
-Number = Annotated[Positive, in_words()]
 Named = Mapping[str, object]
 Values = Annotated[str | Sequence[float], expect("a string or a list of numbers")]
 #: What runs in all engines, in reference solutions and in studies.
 DEFAULT_STEP_S = 1e-5
-#: The output intervals of the run that a comparison shows.
-SHOWN_SAMPLES = 400
 #: A step below this part of the end time is lost to the rounding of time.
 SHORTEST_STEP_PART = 1e-12
 
 
 @check_arguments
 def load(path: Place) -> Scene:
-    """Return the scene in a TOML file.
-
-    Raises:
-        BadInput: there is no valid scene; the message names the file, the line and the field.
-    """
+    """Return the scene in a TOML file."""
     return load_scene(Path(path))
 
 
@@ -77,8 +82,8 @@ def read_scene(scene: SomeScene, changes: Named | None = None, end: Seconds | No
     """Return a scene with changes, checked once, after them all.
 
     Args:
-        scene: a library scene or a TOML file.
-        changes: change a field of the scene, for example clearance.B.radial_clearance_m='"0.1 mm"'.
+        scene [SCENE]: a library scene or a TOML file.
+        changes [--with FIELD=VALUE]: change a field: clearance.B.radial_clearance_m='"0.1 mm"'.
         end: end time in s, or as 10ms; default: that of the scene.
     """
     values = {field: as_toml(value) for field, value in (changes or {}).items()}
@@ -106,8 +111,7 @@ def as_toml(value: object) -> object:
 def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = False) -> Engine:
     """Return the engine of this name with the settings given, values or text, the rest at their defaults.
 
-    For a tolerance, an engine that can control its error does so, unless ``method`` is among the settings. If
-    ``step_tolerance`` is among them, it starts with that.
+    For a tolerance it controls its error if it can, from the ``step_tolerance`` given, if no method is given.
     """
     engine = make_engine(name, **settings)
     if not to_tolerance or "method" in settings:
@@ -138,13 +142,9 @@ def simulate(
         step: longest step in s, or as 5us; default: 1e-5, unless the engine chooses its steps.
         tolerance: refine the run until the slider position is accurate to this, in m.
         samples: number of output intervals of equal length.
-        start: the largest contact force is that after this time in s: a transient is over.
-        settings: a setting of the engine; see 'crankslider engines'.
+        start [--from --start TIME]: the largest contact force is that after this time in s.
+        settings [--set KEY=VALUE]: a setting of the engine; see 'crankslider engines'.
         quick: do not check the run by a second one, at half its step, which takes up to twice its time.
-
-    Raises:
-        BadInput: an argument or the scene is refused, or the engine cannot run the scene.
-        Failed: the simulation failed; the message says when and why.
     """
     from engine_models.convergence.doubts import doubts  # loads the compiler, which takes a second
     from engine_models.convergence.step_halving import simulate_to_tolerance
@@ -179,14 +179,14 @@ def refusing(solution: str = "") -> Iterator[None]:
 
     try:
         yield
-    except FolderRefused as reason:
+    except (FolderRefused, ImpossibleStart) as reason:
         raise BadInput(str(reason)) from None
     except (SimulationFailed, UnsupportedScene) as reason:
         if solution or isinstance(reason, SimulationFailed):
             raise Failed(f"{solution}{reason}") from None
+        field = str(reason).startswith(("samples: ", "step: "))
         text = f"engine: expected one that can run this scene, got '{reason}'"
-        own = str(reason).startswith(("start: ", "samples: ", "step: "))
-        raise BadInput(str(reason) if own else text) from None
+        raise BadInput(str(reason) if field else text) from None
 
 
 @check_arguments
@@ -194,24 +194,43 @@ def truth(scene: SomeScene, *, end: Seconds | None = None, samples: Samples = 12
     """Return the reference solution of a scene, for the validation of other solvers.
 
     It is independent of all engines. Its samples end at the predictability horizon, where two solutions
-    diverge. ``certain_m`` is the uncertainty of the slider position, or of what else the scene observes, up
-    to there, in m: of an angle times the longest lever.
+    diverge; ``certain_m`` is the uncertainty up to there.
 
     Args:
         samples: number of output intervals of equal length.
-
-    Raises:
-        BadInput: an argument or the scene is refused.
-        Failed: no solution was found.
     """
-    from crankslider.reference_solutions import reference_solution
+    from engine_models.convergence.doubts import doubts_of_tables
+    from studies.judges.converged_truth import INDEPENDENT, TRUE, converged, followed, solved, truth_by
+    from studies.judges.metrics import COVERAGE
 
     physics = read_scene(scene, end=end)
     with refusing("no reference solution was found: "):
-        run = reference_solution(physics, samples)
-    for doubt in run.warnings:
+        true, repeats = converged(physics, samples, judged=True)
+        every, count = solved(physics, samples).truth.contacts, followed(physics, samples, judged=True)
+    if not count:
+        raise Failed("no reference solution was found: two solutions diverge before the first sample")
+    place, end_s, warnings = observed_m(physics, true), true.time_s[count - 1], doubts_of_tables(physics)
+    apart = max(float(np.abs(observed_m(physics, one) - place)[:count].max()) for one in repeats)
+    resolution = float(np.spacing(max(np.abs(place).max(), lever_m(physics))))
+    if count <= samples:
+        warnings.append(f"two solutions diverge after t = {end_s:.6g} s; samples end there")
+    known, contacts = selected(true, slice(count)), {}
+    for joint, contact in known.contacts.items():
+        impacts = every[joint].impacts
+        over = impacts.time_s + impacts.duration_s <= end_s
+        kept = Impacts(**{name: values[over] for name, values in vars(impacts).items()})
+        contacts[joint] = replace(contact, impacts=kept)
+    for doubt in warnings:
         warn(doubt, stacklevel=3)
-    return run
+    return Run(
+        physics,
+        "truth",
+        TRUE,  # type: ignore[arg-type]
+        replace(known, contacts=contacts),
+        tuple(warnings),
+        certain_m=max(COVERAGE * apart, resolution),
+        by="independent equations" if truth_by(physics, samples) == INDEPENDENT else "the reference engine",
+    )
 
 
 @check_arguments
@@ -220,25 +239,20 @@ def compare(
     engines: Sequence[str] = (),
     out: Place | None = None,
     *,
-    error: Number | None = None,
+    error: Times | None = None,
     signal: str | None = None,
     given: str | None = None,
 ) -> Comparison:
     """Compare engines on a scene and return rows, a recommendation, and a page that can be saved.
 
-    Engines are judged by the largest error of a signal. The one is recommended that is at or below the error
-    asked for at the least run time; both have defaults for the scene. A second call resumes in the folder.
-    ``given`` is the scene as typed in a command.
+    That engine is recommended whose largest error of a signal is at or below the one asked for at the least
+    run time. A second call resumes in the folder. ``given`` is the scene as typed in a command.
 
     Args:
-        engines: only this engine; repeat for more; your own: my_module:MyEngine.
+        engines [--engine NAME]: only this engine; repeat for more; your own: my_module:MyEngine.
         out: folder of the page and the rows; default: comparison/NAME.
         error: error asked for, in the signal's unit.
         signal: signal that is judged, such as slider_position or joint_B_force.
-
-    Raises:
-        BadInput: an argument or the scene is refused.
-        Failed: the reference solution was not found, or no engine finished.
     """
     from reports.results import read_study
     from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, ask, cases
@@ -251,8 +265,8 @@ def compare(
         folder.mkdir(parents=True, exist_ok=True)
         told = f"reference solution of {physics.name}"
         with progress_console().status(told), refusing(f"no {told} was found: "):
-            question = pool.run(ask, physics, error, signal, limit_s=TRUTH_LIMIT_S)
-        wanted = {case.key: case for case in cases(physics, question, engines)}
+            column, wanted_error = pool.run(ask, physics, error, signal, limit_s=TRUTH_LIMIT_S)
+        wanted = {case.key: case for case in cases(physics, column, wanted_error, engines)}
         run_cases({NAME: [*wanted.values()]}, folder, pool)
         results = read_study(folder, NAME)
         rows = results.rows[results.rows["case"].isin(wanted)].dropna(axis="columns", how="all")
@@ -263,7 +277,7 @@ def compare(
             raise Failed(f"no engine finished a run: {' '.join(compared.standings.not_run)}")
         if chosen is not None:
             case = wanted[str(recorded["case"][chosen.Index])]
-            settings = RunSettings(case.run.step_used_s(physics.end_time_s), SHOWN_SAMPLES)
+            settings = RunSettings(case.run.step_used_s(physics.end_time_s), 400)  # to be looked at
             recommended = make_engine(case.engine, **case.settings)
             with suppress(UnsupportedScene, SimulationFailed):
                 made = pool.run(recommended.simulate, physics, settings, limit_s=LIMIT_S)
@@ -289,7 +303,7 @@ def sweep(
     seed: Seed = 0,
     step: Seconds | None = None,
     transient: Transient = 0.0,
-    revolutions: Number = 2.0,
+    revolutions: Times = 2.0,
     settings: Named | None = None,
     jobs: Jobs | None = None,
     scheduler: str | None = None,
@@ -299,12 +313,10 @@ def sweep(
 ) -> Sweep:
     """Run a scene with many values of its fields and return the rows, one per member.
 
-    A member runs for a transient, then revolutions that are evaluated, of the turning body at its start's
-    speed; without one, a revolution is the scene's end time. An interrupted sweep resumes from the
-    folder ``out``.rows.
+    An interrupted sweep resumes from the folder ``out``.rows.
 
     Args:
-        vary: values of a field: LOW:HIGH[:log][:COUNT] or a list, 0.1mm,0.2mm; repeat for a grid.
+        vary [--vary FIELD=VALUES]: LOW:HIGH[:log][:COUNT] or a list, 0.1mm,0.2mm; repeat for a grid.
         engine: see 'crankslider engines'.
         sample: grid, or a sampling: random, latin-hypercube or sobol.
         members: number of members, or of members at each point of a grid.
@@ -313,16 +325,12 @@ def sweep(
         step: longest step in s, or as 5us; default: 1e-5, unless the engine chooses its steps.
         transient: revolutions before the evaluation starts.
         revolutions: revolutions that are evaluated.
-        settings: a setting of the engine.
+        settings [--set KEY=VALUE]: a setting of the engine.
         jobs: local processes; default: one for each core.
         scheduler: address of a Dask scheduler.
         out: write the rows to this .parquet or .csv file; default: sweep.parquet, in Python a temporary one.
         plot: draw them over the one or two fields that differ to this .png, .svg or .pdf file.
         show: column that the figure shows.
-
-    Raises:
-        BadInput: an argument is refused.
-        Failed: the members cannot continue.
     """
     from studies.runner import run_cases
     from studies.store import Store
@@ -332,8 +340,6 @@ def sweep(
     place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
     require_file("out", place, (".parquet", ".csv"))
     require_outputs(physics, {} if plot is None else {"plot": plot})
-    if plot is None and show is not None:
-        raise BadInput(f"show: expected nothing without plot, got {show}")
     values = draw_values(physics, vary or {}, sample, members, jitter, seed)
     if plot is not None and len(values) > 2:
         raise BadInput(f"plot: expected at most 2 fields that differ, got {len(values)}")
@@ -353,11 +359,10 @@ def sweep(
     is_csv = place.suffix.lower() == ".csv"
     write_file("out", place, frame.to_csv(index=False).encode() if is_csv else frame.to_parquet(index=False))
     if plot is not None:
-        write_file("plot", plot, picture(swept.plot(show), plot))
+        write_file("plot", plot, swept.plot(show))
     if not (warned := frame[frame["warnings"].fillna("") != ""]).empty:
         count = f"{len(warned)} of {len(frame)} members have warnings (column warnings)"
-        first = warned.iloc[0]
-        warn(f"{count}: member {first['member']}: {first['warnings']}", stacklevel=3)
+        warn(f"{count}: member {warned['member'].iloc[0]}: {warned['warnings'].iloc[0]}", stacklevel=3)
     return swept
 
 
@@ -374,9 +379,9 @@ def run_studies(
     """Run studies, all without names, into a folder; finished cases are kept and skipped.
 
     Args:
-        studies: accuracy, energy, predictability, cost, stability or extremes; default: all.
+        studies [[STUDY]...]: accuracy, energy, predictability, cost, stability or extremes; default: all.
         full: run the full set of cases, not the quick one.
-        engines: only this engine; repeat for more; your own: my_module:MyEngine.
+        engines [--engine NAME]: only this engine; repeat for more; your own: my_module:MyEngine.
         jobs: local processes; default: one for each core.
         out: folder of the results.
         scheduler: address of a Dask scheduler; timed cases run here.
@@ -391,24 +396,14 @@ def run_studies(
     join_engines(engines)
     folder = Path(out)
     with writing("out", folder), _workers(jobs, scheduler) as workers:
-        folder.mkdir(parents=True, exist_ok=True)
         cases = {name: load_study(name).cases(full) for name in studies or STUDIES}
         run_cases(cases, folder, workers, full, engines, retry_failed)
 
 
-def verdicts_on(engine: str) -> "Iterator[Verdict]":
-    """Return the verdicts on an engine, one after the other as they are found."""
-    from studies.conform import verdicts
-
-    join_engines([engine])
-    return verdicts(read_engine(engine, {}))
-
-
 def verdicts_on_table(table: str, scene: str) -> "Iterator[Verdict]":
-    """Yield a verdict on each column that a CSV table of another solver has as ``simulate`` names it.
+    """Yield a verdict on each column of another solver's CSV table that ``simulate`` writes too.
 
-    Its times ``time_s`` are equally spaced from 0 on, since the reference solution is sampled so. What is
-    asked is what is asked of every engine, up to where the reference solution is known.
+    Its times ``time_s`` are equally spaced from 0 on, since the reference solution is sampled so.
     """
     import pandas as pd
 

@@ -5,9 +5,11 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from errno import EISDIR
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
@@ -23,7 +25,6 @@ from engine_models.scene.format import Positive
 from engine_models.scene.plain_words import one_of, shown, unknown
 from engine_models.scene.scene import Scene
 from studies.failures import BadInput, writing
-from studies.whole_file import require_place, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
 TABLES, PICTURES = (".csv", ".json", ".parquet", ""), (".png", ".svg", ".pdf")
 FILES = {"out": TABLES, "impacts": TABLES, "plot": PICTURES, "animate": (".html", ".gif", ".mp4")}
 STDOUT = Path("-")
-#: A note says that samples miss the largest contact force by more than this part of it.
-MISSED = 0.1
 
 Times = Annotated[Positive, in_words()]
 
@@ -60,8 +59,8 @@ class Run:
     ``engine`` has the settings that ran. ``tolerance_m`` is the tolerance of the slider position, or None.
     ``warnings`` has a line for each doubt about the run. ``trajectory`` has all results as arrays. What is
     before ``start_s`` is a transient. ``checked``: a tolerance or a run at half the step has been a check.
-    ``certain_m`` is the uncertainty of a reference solution, of the slider or what else is observed, of an
-    angle times the longest lever; ``by`` says who solved it.
+    ``certain_m`` is the uncertainty of the place that a reference solution, solved ``by`` whom, observes; of
+    an angle it is multiplied by the longest lever.
     """
 
     scene: Scene
@@ -99,20 +98,17 @@ class Run:
 
     @property
     def largest_contact_force(self) -> ContactForce | None:
-        """The largest normal force after ``start_s`` of all contacts, in impacts and samples.
-
-        None if no pin has touched its bearing, with ideal joints, and with rigid walls.
-        """
+        """The largest normal force after ``start_s``, in impacts and samples; None of rigid walls."""
         return self._largest_force(self.start_s)
 
     def _largest_force(self, start_s: float) -> ContactForce | None:
-        forces, clearances = list[ContactForce](), self.scene.clearances
+        forces = list[ContactForce]()
         for joint, contact in self.trajectory.contacts.items():
             force = np.append(contact.normal_force_N, contact.impacts.largest_normal_force_N)
             times = np.append(self.trajectory.time_s, contact.impacts.largest_normal_force_time_s)
             force = np.where(times >= start_s, force, 0.0)
             k = np.nanargmax(force)
-            if clearances[joint].law != "rigid" and force[k] > 0:
+            if self.scene.clearances[joint].law != "rigid" and force[k] > 0:
                 forces.append(ContactForce(float(force[k]), joint, float(times[k])))
         return max(forces, default=None)
 
@@ -123,20 +119,18 @@ class Run:
 
     @check_arguments
     def plot(self, columns: Sequence[str] = ()) -> "Figure":
-        """Return a figure of position, velocity, forces and energy over time, or of ``columns`` of the frame.
-
-        The largest contact force is marked, also if it lies between samples.
-        """
+        """Return a figure of motion, forces, the largest marked, and energy, or ``columns``, over time."""
         from reports.run_figures import time_plot
 
         for name in columns:
             if name not in self.frame:
                 raise BadInput(unknown("columns", name, self.frame))
-        mark = None
-        if largest := self.largest_contact_force:
+        mark, largest = None, self.largest_contact_force
+        if largest:
             label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
             mark = largest.time_s, largest.force_N, label
-        return time_plot(self.frame, self._title, self.quality.summary(), mark, columns)
+        title = f"{self.scene.name}, {self.engine_name}"
+        return time_plot(self.frame, title, self.quality.summary(), mark, columns)
 
     @check_arguments
     def plot_orbit(self, joint: str) -> "Figure":
@@ -148,13 +142,8 @@ class Run:
             raise BadInput(
                 unknown("joint", joint, clearances, "" if clearances else "a scene with clearance")
             )
-        return orbit_plot(self.frame, joint, clearances[joint].radial_clearance_m, self._title)
-
-    @check_arguments
-    def animate(self, file: Place, exaggerate: Positive = 1.0) -> None:
-        """Write an animation of the mechanism, with joint forces as arrows, to a .html, .gif or .mp4 file."""
-        require_outputs(self.scene, {"animate": file})
-        self.write(animate=file, exaggerate=exaggerate)
+        title = f"{self.scene.name}, {self.engine_name}"
+        return orbit_plot(self.frame, joint, clearances[joint].radial_clearance_m, title)
 
     @check_arguments
     def write(
@@ -176,18 +165,20 @@ class Run:
             plot_columns: columns that the figure shows, A,B.
             exaggerate: enlarge clearances in the animation by this factor.
         """
-        contents = {}
+        files = {"out": out, "impacts": impacts, "plot": plot, "animate": animate}
+        require_outputs(self.scene, {name: place for name, place in files.items() if place}, exaggerate)
+        contents = dict[str, tuple[str | Path, "bytes | Figure"]]()
         for name, place in (("out", out), ("impacts", impacts)):
             if place is not None:
                 contents[name] = place, self._encoded(self.columns(name), Path(place).suffix.lower())
         if plot is not None:
-            contents["plot"] = plot, picture(self.plot(plot_columns), plot)
+            contents["plot"] = plot, self.plot(plot_columns)
         if animate is not None:
             from reports.film import film_bytes, pictured  # loads Matplotlib
 
             shown = selected(self.trajectory, pictured(len(self.trajectory.time_s)))
-            content = film_bytes(self.scene, shown, exaggerate, Path(animate).suffix.lower(), tell)
-            contents["animate"] = animate, content
+            film = film_bytes(self.scene, shown, exaggerate, Path(animate).suffix.lower(), tell)
+            contents["animate"] = animate, film
         for name, (place, content) in contents.items():
             write_file(name, place, content)
 
@@ -227,10 +218,7 @@ class Run:
         }
 
     def notes(self) -> list[str]:
-        """Return a line each on the start, the quality, the steps and the largest force of the run.
-
-        Of a reference solution there is one on its uncertainty, its end and its method.
-        """
+        """Return a line each on start, quality, steps or uncertainty, and largest force of the run."""
         steps, allowed_s, time_s = self.trajectory.steps, self.trajectory.step_s, self.trajectory.time_s
         if self.by:
             lever = lever_m(self.scene) if (angle := self.scene.observed.what == "angle") else 1.0
@@ -245,34 +233,21 @@ class Run:
             lines.append(f"{steps} steps{f' of {method}' if method else ''}, {how_long}")
             if (moved := self.scene.placed.moved) is not None:
                 lines.insert(0, f"start put together: {moved} from what the file tells")
-        return lines + self._notes_of_force()
-
-    def _notes_of_force(self) -> list[str]:
-        """Return a line on the largest contact force, and one if samples miss it."""
         if (largest := self.largest_contact_force) is None:
-            return []
-        lines = [f"the largest contact force is {largest}"]
+            return lines
+        lines.append(f"the largest contact force is {largest}")
         if (overall := self._largest_force(0.0)) != largest:
-            lines[0] += f", after the transient to {self.start_s:g} s, in which it is {overall}"
+            lines[-1] += f", after the transient to {self.start_s:g} s, in which it is {overall}"
         late = self.trajectory.time_s >= self.start_s
         shown_N = self.trajectory.contacts[largest.joint].normal_force_N[late].max(initial=0.0)
-        if shown_N < (1 - MISSED) * largest.force_N:
+        if shown_N < 0.9 * largest.force_N:
             missed = f"{len(late) - 1} samples show at most {_newtons(shown_N)} of it"
             lines.append(f"{missed}: more --samples show more, --impacts FILE has every impact's largest")
         return lines
 
-    @property
-    def _title(self) -> str:
-        return f"{self.scene.name}, {self.engine_name}"
-
     def __repr__(self) -> str:
-        return f"Run of {self._title}: {'; '.join([*self.notes(), *self.warnings])}"
-
-    def _repr_html_(self) -> str:
-        """Return the display of a notebook: title, notes, warnings and figure."""
-        from reports.run_figures import card
-
-        return card(self._title, [*self.notes(), *self.warnings], self.plot())
+        told = "; ".join([*self.notes(), *self.warnings])
+        return f"Run of {self.scene.name}, {self.engine_name}: {told}"
 
 
 @dataclass(frozen=True)
@@ -295,8 +270,8 @@ class Sweep:
 class Comparison:
     """A comparison of engines on a scene.
 
-    ``results`` has the rows and their curves. ``run`` is the recommended run with more samples, None if there
-    is no recommendation. ``given`` is the scene as it is typed in a command, ``folder`` has the kept rows.
+    ``results`` has the rows and their curves, kept in ``folder``. ``run`` is the recommended one with more
+    samples, if there is one. ``given`` is the scene as it is typed in a command.
     """
 
     scene: Scene
@@ -338,9 +313,6 @@ class Comparison:
             write_comparison(Path(folder), self.results, pictures, self.scene.to_toml(), self.given)
         write_file("folder", Path(folder, "rows.csv"), self.frame.to_csv(index=False).encode())
 
-    def __repr__(self) -> str:
-        return self.recommendation
-
 
 @check_arguments
 def require_outputs(scene: InstanceOf[Scene], files: Mapping[str, Place], exaggerate: Times = 1.0) -> None:
@@ -365,27 +337,37 @@ def require_file(argument: str, place: str | Path, endings: Sequence[str]) -> No
     if ending not in endings:
         expected = f"a file that ends in {one_of([each for each in endings if each])}"
         raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
-    if path != STDOUT:
-        with writing(argument, path):
-            require_place(path)
+    path = Path(os.path.realpath(path))
+    with writing(argument, Path(place)):
+        if path.is_dir():
+            raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+        if Path(place) != STDOUT and (path.is_file() or not path.exists()):
+            TemporaryFile(dir=path.parent).close()
 
 
-def write_file(argument: str, place: str | Path, content: bytes) -> None:
-    """Write a whole file, or to stdout."""
+def write_file(argument: str, place: str | Path, content: "bytes | Figure") -> None:
+    """Write to stdout, a device or pipe, or a file that takes its place once it is on the disk."""
+    if not isinstance(content, bytes):
+        from reports.look import picture_bytes  # loads Matplotlib
+
+        content = picture_bytes(content, Path(place).suffix.lower())
+    path = Path(os.path.realpath(place))
     with writing(argument, Path(place)):
         if Path(place) == STDOUT:
             print(content.decode("utf-8"), end="")
+        elif path.exists() and not path.is_file():
+            path.write_bytes(content)
         else:
-            write_whole(Path(place), content)
-
-
-def picture(figure: "Figure", place: str | Path) -> bytes:
-    """Return a figure as the bytes of a file."""
-    from reports.look import picture_bytes  # loads Matplotlib
-
-    return picture_bytes(figure, Path(place).suffix.lower())
+            new = path.with_name(f".{path.name}.{os.getpid()}.new")
+            try:
+                with new.open("wb") as file:
+                    file.write(content)
+                    file.flush()
+                    os.fsync(file.fileno())
+                new.replace(path)
+            finally:
+                new.unlink(missing_ok=True)
 
 
 def _newtons(force_N: float) -> str:
-    """Return a force as text, with three digits."""
     return f"{force_N:.3g} N" if force_N < 999.5 else f"{force_N / 1e3:.3g} kN"

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure as Drawing
 
 from reports.look import ABSENT, ENGINES, picture_bytes, plain, quantity
 from reports.results import NoResults, Results, Studies, read_study
+from studies.failures import Failed
 
 #: What marks a folder as a report, so that nothing else is ever replaced; the file of its claims.
 GENERATOR, FINDINGS = '<meta name="generator" content="crankslider">', "findings.json"
@@ -22,7 +23,7 @@ MOST, UNCERTAIN, HALF_WIDTH = ENDINGS = (" (most)", " (uncertainty)", " (half wi
 NARROW = 0.01
 
 
-class Contradiction(Exception):
+class Contradiction(Failed):
     """A sentence of the report is not true of the results; the message is the sentence."""
 
 

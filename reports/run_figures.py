@@ -1,19 +1,16 @@
 """Figures of runs: motion, forces and energy over time, a pin in its clearance, a sweep over its fields."""
 
 import re
-from base64 import b64encode
-from collections.abc import Iterable, Mapping, Sequence
-from html import escape
+from collections.abc import Mapping, Sequence
 from textwrap import fill
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.figure import Figure
 
 from engine_models.scene.plain_words import BadInput
-from reports.look import BLACK, BLUE, GREY, RC, VERMILLION, Picture, axis_label, picture_bytes, words
+from reports.look import BLACK, BLUE, GREY, RC, VERMILLION, Picture, axis_label, words
 
 #: Colours of the curves of one panel, Okabe and Ito's, and their dashes, which tell them apart in greyscale.
 COLOURS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -114,14 +111,6 @@ def orbit_plot(frame: pd.DataFrame, joint: str, radial_clearance_m: float, title
         )
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4)
     return picture
-
-
-def card(title: str, lines: Iterable[str], figure: Figure) -> str:
-    """Return a run as a notebook shows it: its title, some lines and its figure, as HTML."""
-    text = "".join(f"<li>{escape(line)}</li>" for line in lines)
-    image = b64encode(picture_bytes(figure, ".png")).decode("ascii")
-    source = f'src="data:image/png;base64,{image}" alt="{escape(title)} over time"'
-    return f'<b>{escape(title)}</b><ul>{text}</ul><img {source} style="max-width: 60em; width: 100%">'
 
 
 def sweep_picture(frame: pd.DataFrame, fields: Sequence[str], title: str, show: str | None = None) -> Picture:

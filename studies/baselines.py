@@ -1,7 +1,6 @@
 """Baselines: what every configuration's errors, order and steps were when somebody last accepted them.
 
-A number that got better leaves its band as one that got worse does: either may be a bug, and only a baseline
-at what is now the best shows when it is lost again.
+A number that got better leaves its band too: only a baseline at the best shows when that is lost again.
 """
 
 import math
@@ -21,7 +20,6 @@ from studies.case import Case, Row, run_case
 from studies.failures import BadInput, Failed, log, progress_console, writing
 from studies.judges.impact_matching import FORCE_ERROR
 from studies.judges.metrics import is_force
-from studies.whole_file import write_whole
 from studies.workers import Ended, Pool
 
 FOLDER, FILE = Path(__file__).parent, "baselines.csv"
@@ -160,6 +158,6 @@ def compare_or_accept(engines: Collection[str], folder: Path, why: str | None) -
         log.info(f"{count - len(lines)} of {count} numbers are within their bands")
         return lines
     text = measured.to_csv(index=False, float_format="%.4g", lineterminator="\n")
-    write_whole(folder / FILE, f"# {' '.join(why.split())}\n{text}".encode())
+    (folder / FILE).write_text(f"# {' '.join(why.split())}\n{text}", encoding="utf-8")
     log.info(f"{count} numbers are accepted")
     return []

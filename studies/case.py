@@ -28,17 +28,12 @@ Row = dict[str, Value]
 Curves = dict[str, FloatArray]
 
 ROOT = Path(__file__).parents[1]
-#: The studies by name, each imported only when asked for, and those of one scene, which have commands.
-STUDIES = {
-    name: f"studies.{name}"
-    for name in ("accuracy", "energy", "predictability", "cost", "stability", "extremes")
-}
-OF_ONE_SCENE = {"comparison": "studies.compare", "sweep": "studies.sweep"}
+#: The studies, modules of this folder that are imported when asked for. Sweeps and comparisons have commands.
+STUDIES = ("accuracy", "energy", "predictability", "cost", "stability", "extremes")
 #: The folders whose files decide numbers, and the distributions whose versions do.
 CODE = ("reference_solver", "engine_models", "studies")
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "exudyn", "pymunk")
-#: The wall time in s of a case that has no limit of its own, kernels and reference solutions included. The
-#: longest of the full set take a minute: what takes thirty times as long will never end.
+#: The wall time in s of a case that has no limit of its own: thirty times what the longest takes.
 LIMIT_S = 1800.0
 
 
@@ -94,12 +89,12 @@ class Case:
 
 
 def load_study(name: str) -> Any:
-    """Return a study's module by its name, or by its import path where it has none here.
+    """Return a study's module by its name here, or by its import path.
 
     ``cases(full)`` are its list of cases; the full set contains the quick one. ``measure(case)`` runs a case
     and returns its measured columns and its curves over time, ``tuple[Row, Curves]``.
     """
-    return import_module({**STUDIES, **OF_ONE_SCENE}.get(name, name))
+    return import_module(name if "." in name else f"studies.{name}")
 
 
 def run_case(case: Case) -> tuple[Row, Curves]:
@@ -124,9 +119,9 @@ def ended(case: Case, status: str, failure: Exception) -> Row:
 
 @cache
 def code_of(engine: str) -> str:
-    """Return a hash of all that decides a number of an engine's cases, as this process first read it.
+    """Return a hash of what decides numbers: code, that of an engine from outside too, and versions beneath.
 
-    That is the project's code and an engine's from outside, byte for byte, and the versions beneath them.
+    It is the code as this process first read it.
     """
     try:
         module = engine_module(engine)

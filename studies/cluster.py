@@ -5,24 +5,19 @@ import logging
 from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
 from threading import local
-from typing import Any, TypeVar
+from typing import Any
 
 from studies.case import code_of
 from studies.failures import BadInput, Failed
 from studies.workers import KILLED, Ended, Worker
 
-T = TypeVar("T")
 #: How long a scheduler may take to answer, in s.
 CONNECT_S = 5.0
 _OWN = local()
 
 
 class Cluster:
-    """What answers at the address of a Dask scheduler, whose workers have the same code and libraries as we.
-
-    Raises:
-        BadInput: Dask is not installed here, no scheduler answers there, or its workers run other code.
-    """
+    """What answers at the address of a Dask scheduler, whose workers have our code and libraries."""
 
     def __init__(self, address: str) -> None:
         try:
@@ -31,8 +26,7 @@ class Cluster:
             expected = "the package distributed to be installed, got none (try crankslider[cluster])"
             raise BadInput(f"scheduler: expected {expected}") from None
         for logger in ("distributed", "distributed.client", "distributed.core", "tornado.application"):
-            # What they tell with tracebacks, we tell in a line.
-            logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
+            logging.getLogger(logger).setLevel(logging.CRITICAL + 1)  # we tell it in a line
         code = code_of("reference")
         try:
             # Without this a server that says nothing would keep a client for ever.
@@ -50,7 +44,7 @@ class Cluster:
         async with self._distributed.rpc(address, timeout=CONNECT_S) as server:
             return await server.identity()
 
-    def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
+    def results(self, call: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
         """Yield every item and what its call gave, as it ends."""
         futures = {self._client.submit(_contained, call, item, pure=False): item for item in items}
         try:
@@ -58,7 +52,7 @@ class Cluster:
                 try:
                     result = future.result()
                 except self._distributed.KilledWorker as reason:  # with it died all that waited there
-                    result = Ended(KILLED, str(reason))
+                    result = Ended(str(reason), KILLED)
                 except (self._distributed.CancelledError, OSError) as error:
                     raise Failed(f"the scheduler of the cluster is gone: {error}") from None
                 yield futures.pop(future), result
@@ -72,11 +66,11 @@ class Cluster:
         self._client.close()
 
 
-def _contained(call: Callable[[Any], T], item: Any) -> T | Ended:
+def _contained(call: Callable[[Any], Any], item: Any) -> Any:
     """Run a call on a Dask worker's thread, in a process of its own."""
     if not hasattr(_OWN, "worker"):
         _OWN.worker = Worker()
     try:
-        return _OWN.worker.run(call, item, limit_s=item.limit_s)  # type: ignore[no-any-return]
+        return _OWN.worker.run(call, item, limit_s=item.limit_s)
     except Ended as end:
         return end

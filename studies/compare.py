@@ -4,7 +4,6 @@ What is measured is what the studies measure: errors of recorded runs, and times
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,13 +13,13 @@ from engine_models.mechanics.states import lever_m
 from engine_models.scene.plain_words import unknown
 from engine_models.scene.scene import Scene
 from studies import accuracy, cost
-from studies.case import Case, Curves, Row, Value
+from studies.case import Case, Curves, Row
 from studies.failures import BadInput
 from studies.judges.converged_truth import GRID, converged, followed
 from studies.judges.metrics import signals, with_suffix
 from studies.settings import Rung, configurations, ladder
 
-NAME = "comparison"
+NAME = "compare"
 #: A hundredth of the clearance is a line's width in a picture of the pin's path, a millionth of a crank, or
 #: of the longest lever, what a workshop measures. Where the crank is prescribed so is the ideal slider, and a
 #: torque sensor is good to a thousandth.
@@ -36,41 +35,26 @@ LIMIT_S = 60.0
 TRUTH_LIMIT_S = 300.0
 
 
-@dataclass(frozen=True)
-class Question:
-    """The column of errors by which engines are judged, the error wanted in its unit, and until when.
+def ask(scene: Scene, error: float | None = None, signal: str | None = None) -> tuple[str, float]:
+    """Return the column of errors by which engines are judged, and the error wanted in its unit.
 
-    ``compared_until_s`` is the last sample before the scene's horizon, its end if it has none.
-    """
-
-    column: str
-    wanted: float
-    compared_until_s: float
-
-
-def ask(scene: Scene, error: float | None = None, signal: str | None = None) -> Question:
-    """Return the question for a scene, for which its reference solution is found.
-
-    Raises:
-        UnsupportedScene, SimulationFailed: there is none, or it is not known beyond the start.
-        BadInput: there is no such signal, or one other than the scene's own without an error.
+    The scene's reference solution is found for it: there may be none, or none beyond the start.
     """
     truth, _ = converged(scene, GRID)
-    samples = followed(scene, GRID)
-    if samples < 2:
+    if followed(scene, GRID) < 2:
         raise UnsupportedScene("starts a hair apart part at once: nobody can know its motion")
     column, wanted = _judged(scene, truth)
     if signal is not None:
         columns = {name: with_suffix(name, "error") for name, _ in signals(scene, truth)}
         if truth.driver_torque_N_m is not None:
             columns[_effort(scene).replace("_error", "")] = _effort(scene)
-        named = {name.rpartition("_")[0]: name for name in columns} | {name: name for name in columns}
+        named = columns | {name.rpartition("_")[0]: error for name, error in columns.items()}
         if signal not in named:
             raise BadInput(unknown("signal", signal, columns))
-        if columns[named[signal]] != column and error is None:
+        if named[signal] != column and error is None:
             raise BadInput(f"error: expected the error asked for beside signal {signal}, got nothing")
-        column = columns[named[signal]]
-    return Question(column, wanted if error is None else error, float(truth.time_s[samples - 1]))
+        column = named[signal]
+    return column, wanted if error is None else error
 
 
 def _effort(scene: Scene) -> str:
@@ -90,12 +74,17 @@ def _judged(scene: Scene, truth: Trajectory) -> tuple[str, float]:
     return with_suffix(name, "error"), wanted_m / (lever_m(scene) if name.endswith("_rad") else 1.0)
 
 
-def cases(scene: Scene, question: Question, engines: Collection[str]) -> list[Case]:
+def cases(scene: Scene, column: str, wanted: float, engines: Collection[str]) -> list[Case]:
     """Return of every setting of the engines named, or of all, the recorded run, then the bare one."""
+    judged: Row = {"judged_by": column, "wanted_error": wanted}
     rungs = [rung for rung in _rungs(scene) if not engines or rung.arm.engine in engines]
-    recorded = [_case(scene, question, rung, SAMPLES) for rung in rungs]
-    timed = [_case(scene, question, rung, 1, round=0) for rung in rungs]
-    return list({str(one.head()): one for one in recorded + timed}.values())  # two rungs may be one step
+    out = []
+    for samples, timed in ((SAMPLES, {}), (1, {"round": 0})):
+        for rung in rungs:
+            run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
+            columns = {**judged, "motion_alone": arms.gives_motion_alone(rung.arm), **timed}
+            out.append(Case(NAME, scene, rung.arm, run, rung.added, bool(timed), LIMIT_S, columns))
+    return list({str(one.head()): one for one in out}.values())  # two rungs may be one step
 
 
 def _rungs(scene: Scene) -> list[Rung]:
@@ -110,13 +99,6 @@ def _rungs(scene: Scene) -> list[Rung]:
         rungs += [several[k] for k in (chosen[1:-1] if len(several) > SETTINGS else chosen)]
     there = {rung.arm.engine for rung in rungs}
     return rungs + [Rung(arm, scene.end_time_s) for arm in AS_THEY_COME if arm.engine not in there]
-
-
-def _case(scene: Scene, question: Question, rung: Rung, samples: int, **timed: Value) -> Case:
-    run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
-    judged: Row = {"judged_by": question.column, "wanted_error": question.wanted}
-    columns = {**judged, "motion_alone": arms.gives_motion_alone(rung.arm), **timed}
-    return Case(NAME, scene, rung.arm, run, rung.added, timed=bool(timed), limit_s=LIMIT_S, columns=columns)
 
 
 def measure(case: Case) -> tuple[Row, Curves]:

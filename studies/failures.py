@@ -8,12 +8,9 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from engine_models.scene.bad_input import BadInput as BadInput
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 log = logging.getLogger("crankslider")
 log.setLevel(logging.INFO)
@@ -23,8 +20,8 @@ class Failed(Exception):
     """The work broke down. The message says when and why."""
 
 
-def progress_console() -> "Console":
-    """Return the console on which progress is shown: stderr, silent where notes are."""
+def progress_console() -> Any:
+    """Return the rich console on which progress is shown: stderr, silent where notes are."""
     from rich.console import Console  # which most runs are over without
 
     return Console(stderr=True, quiet=not log.isEnabledFor(logging.INFO))

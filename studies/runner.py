@@ -1,11 +1,11 @@
 """Runs the cases of studies on all cores or a cluster, keeps every row at once, and resumes."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
+from rich.progress import Progress
 
 from studies.case import Case, Curves, Row, code_of, ended, provenance, run_case
 from studies.failures import Failed, progress_console
@@ -13,31 +13,19 @@ from studies.store import Store
 from studies.workers import KILLED, Ended, Pool
 
 
-class Workers(Protocol):
-    """What runs calls on items, each within its ``limit_s``: ``Pool``, or ``cluster.Cluster``."""
-
-    def results(self, call: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
-        """Yield every item and what its call gave, or ``Ended``, as it ends."""
-        ...
-
-
 def run_cases(
     studies: Mapping[str, Sequence[Case]],
     folder: Path,
-    workers: Workers,
+    workers: Any,
     full: bool = False,
     engines: Sequence[str] = (),
     retry_failed: bool = False,
 ) -> None:
-    """Run the cases of studies that a folder lacks, of some engines only if any are named.
+    """Run the cases of studies that a folder lacks, of some engines only if any are named, by ``workers``.
 
     There is a progress bar a study, and a line that counts its failures. Timed cases run in a process of this
     machine with nothing beside it, after all others. So is one run again whose process was killed from
     outside. ``retry_failed`` runs again what neither finished nor was refused.
-
-    Raises:
-        BadInput: another run holds the folder.
-        Failed: the cases cannot go on; what was finished is kept.
     """
     with Store(folder) as store, store.held():
         there, wanted, again = store.statuses(), dict[str, dict[str, Case]](), list[str]()
@@ -46,14 +34,13 @@ def run_cases(
             wanted[name] = {case.key: case for case in cases if not engines or case.engine in engines}
         every = {key: case for asked in wanted.values() for key, case in asked.items()}
         lacking = {key: every[key] for key in every if lacks(there.get(key), retry_failed)}
-        columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=progress_console(), disable=not lacking) as progress:
+        with Progress(console=progress_console(), disable=not lacking) as progress:
             bars = {
                 name: progress.add_task(name, total=len(asked), completed=len(asked.keys() - lacking))
                 for name, asked in wanted.items()
             }
 
-            def run(keys: Iterable[str], where: Workers, last: bool) -> None:
+            def run(keys: Iterable[str], where: Any, last: bool) -> None:
                 for call, result in where.results(Call.answer, [Call(key, lacking[key]) for key in keys]):
                     died = isinstance(result, Ended)
                     row, curves = (ended(call.case, result.status, result), {}) if died else result
@@ -63,9 +50,10 @@ def run_cases(
                         store.keep(call.key, call.code, row, curves)
                         progress.advance(bars[call.case.study])
 
-            run(sorted(key for key in lacking if not lacking[key].timed), workers, False)  # as good as random
+            timed = [key for key in lacking if lacking[key].timed]
+            run(sorted(lacking.keys() - timed), workers, False)  # as good as random
             with Pool(1) as alone:
-                run([*again, *(key for key in lacking if lacking[key].timed)], alone, True)
+                run([*again, *timed], alone, True)
         there = store.statuses()
         for name, asked in wanted.items():
             failures = Counter(there[key] for key in asked if there[key] != "ok")

@@ -33,12 +33,7 @@ commit;
 
 
 class Store:
-    """The file of a folder: any number of readers, one writer (see ``held``).
-
-    Raises:
-        BadInput: the file is none of ours, or damaged.
-        OSError: the folder cannot be used.
-    """
+    """The file of a folder: any number of readers, one writer (see ``held``). Others are refused."""
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)

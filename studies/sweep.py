@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from operator import itemgetter
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,21 +28,13 @@ from studies.case import Case, Curves, Row, Value
 from studies.failures import BadInput
 from studies.judges.closing import closed
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 NAME = "sweep"
 Sample = Literal["grid", "random", "latin-hypercube", "sobol"]
 MOST_MEMBERS = 100_000
-FORM = "LOW:HIGH[:log][:COUNT] or a list of numbers"
 #: Output intervals in a revolution, and of a whole run at most.
 TURN_SAMPLES, MOST_SAMPLES = 200, 100_000
 #: How the columns of varied fields begin in the rows that are kept.
 VARIED = "varied "
-#: The columns of how long a member runs, in revolutions, and of its longest step in s.
-LENGTHS = ("transient", "revolutions", "step")
-#: How a member ended.
-ENDS = ("status", "reason", "warnings")
 
 
 def draw_values(
@@ -61,48 +53,47 @@ def draw_values(
     """
     if "end_time_s" in vary:
         raise BadInput("vary end_time_s: expected transient and revolutions, which end a member's run")
-    ranges = {field: _range(field, values) for field, values in vary.items()}
-    values = _grid(ranges, members, jitter) if sample == "grid" else _drawn(ranges, sample, members, seed)
+    drawn = sample != "grid"
+    lacking = (drawn or not vary) if members is None else not (vary if drawn else jitter)
+    if lacking:
+        raise BadInput("vary: expected FIELD=VALUES, or members beside jitter or sample, got another call")
+    if drawn:
+        parts = _parts(sample, len(vary), members or 0, seed)
+        points = [_numbers(*item, part) for item, part in zip(vary.items(), parts, strict=True)]
+    else:
+        axes = [_numbers(*item) for item in vary.items()]
+        if not 0 < (count := math.prod(map(len, axes)) * (members or 1)) <= MOST_MEMBERS:
+            raise BadInput(f"vary: expected 1 to {MOST_MEMBERS} members, got {count}")
+        points = [np.repeat(values.ravel(), members or 1) for values in np.meshgrid(*axes, indexing="ij")]
+    values = dict(zip(vary, points, strict=True))
     if jitter:
         try:
             path, angle = start_angle(scene)
         except ValueError as reason:
             raise BadInput(f"jitter: {reason}") from None
-        if path in ranges:
+        if path in vary:
             raise BadInput(f"jitter: expected nothing beside vary {path}, which it moves")
-        count = len(next(iter(values.values()))) if values else members or 0
+        count = len(points[0]) if points else members or 0
         # Not of the sample's own seed, whose numbers these would be again.
         values[path] = angle + np.random.default_rng([seed, 1]).uniform(-jitter, jitter, count)
     return values
 
 
-class Range(NamedTuple):
-    """Numbers from ``low`` to ``high``, in equal ratios if ``log``; no ``steps`` where they are drawn."""
-
-    low: float
-    high: float
-    log: bool
-    steps: int | None
-
-    def at(self, part: FloatArray) -> FloatArray:
-        """Return the numbers at parts of the way, (n,), from 0 to 1."""
-        low, high = np.log(self[:2]) if self.log else self[:2]
-        way = low + (high - low) * part
-        return np.clip(np.exp(way) if self.log else way, self.low, self.high)
-
-
-def _range(field: str, values: str | Sequence[float]) -> Range | FloatArray:
-    if not isinstance(values, str) or ":" not in values:
+def _numbers(field: str, values: str | Sequence[float], part: FloatArray | None = None) -> FloatArray:
+    """Return the numbers of a field, (n,): a list's, those of a range, or at parts of its way from 0 to 1."""
+    form = re.fullmatch(r"([^:]*):([^:]*)(:log)?(?::(\d{1,9}))?", str(values), re.ASCII)
+    if form is None or (form[4] is None) != (part is not None):
+        if part is not None or ":" in str(values):
+            expected = "LOW:HIGH[:log]:COUNT or a list" if part is None else "LOW:HIGH[:log] beside sample"
+            raise BadInput(f"vary {field}: expected {expected}, got {shown(values)}")
         given = values.split(",") if isinstance(values, str) else values
         return np.array([_number(field, value) for value in given])
-    form = re.fullmatch(r"([^:]*):([^:]*)(:log)?(?::(\d{1,9}))?", values, re.ASCII)
-    if form is None:
-        raise BadInput(f"vary {field}: expected {FORM}, got {shown(values)}")
-    low, high, log = _number(field, form[1]), _number(field, form[2]), bool(form[3])
-    if not low < high or (log and low <= 0):
-        expected = "a range that rises, with log from above 0"
+    low, high, log, count = _number(field, form[1]), _number(field, form[2]), form[3], int(form[4] or 2)
+    if not low < high or (log and low <= 0) or not 2 <= count <= MOST_MEMBERS:
+        expected = f"a range that rises, with log from above 0, of 2 to {MOST_MEMBERS} values"
         raise BadInput(f"vary {field}: expected {expected}, got {shown(values)}")
-    return Range(low, high, log, int(form[4]) if form[4] else None)
+    part = np.linspace(0.0, 1.0, count) if part is None else part
+    return np.clip(low * (high / low) ** part if log else low + (high - low) * part, low, high)
 
 
 def _number(field: str, value: str | float) -> float:
@@ -111,49 +102,21 @@ def _number(field: str, value: str | float) -> float:
     with suppress(ValueError):
         if math.isfinite(number := float(number)):
             return number
-    raise BadInput(f"vary {field}: expected {FORM}, got {shown(value)}")
+    raise BadInput(f"vary {field}: expected a finite number, got {shown(value)}")
 
 
-def _grid(
-    ranges: Mapping[str, Range | FloatArray], members: int | None, jitter: float
-) -> dict[str, FloatArray]:
-    if (members is None or not jitter) and (members is not None or not ranges):
-        raise BadInput("members: expected --vary FIELD=VALUES, or members beside jitter, got another call")
-    axes = []
-    for field, values in ranges.items():
-        if isinstance(values, Range):
-            if not 2 <= (values.steps or 0) <= MOST_MEMBERS:
-                expected = f"a count from 2 to {MOST_MEMBERS} behind the ends on a grid"
-                raise BadInput(f"vary {field}: expected {expected}, got {values.steps or 'none'}")
-            values = values.at(np.linspace(0.0, 1.0, values.steps or 0))
-        axes.append(values)
-    if not 0 < (count := math.prod(map(len, axes)) * (members or 1)) <= MOST_MEMBERS:
-        raise BadInput(f"vary: expected 1 to {MOST_MEMBERS} members, got {count}")
-    grid = [np.repeat(values.ravel(), members or 1) for values in np.meshgrid(*axes, indexing="ij")]
-    return dict(zip(ranges, grid, strict=True))
-
-
-def _drawn(
-    ranges: Mapping[str, Range | FloatArray], sample: Sample, members: int | None, seed: int
-) -> dict[str, FloatArray]:
-    """Return draws from ranges; Sobol's points are the first of a balanced power of two."""
+def _parts(sample: Sample, fields: int, members: int, seed: int) -> FloatArray:
+    """Return draws from 0 to 1, (fields, members); Sobol's are the first of a balanced power of two."""
     from scipy.stats import qmc  # which takes a second to load
 
-    if members is None or not ranges:
-        raise BadInput(f"sample: expected members and vary FIELD=LOW:HIGH beside {sample}, got less")
-    generator, fields = np.random.default_rng(seed), len(ranges)
+    generator = np.random.default_rng(seed)
     if sample == "random":
         points = generator.random((members, fields))
     elif sample == "sobol":
         points = qmc.Sobol(fields, seed=generator).random(2 ** (members - 1).bit_length())
     else:
         points = qmc.LatinHypercube(fields, seed=generator).random(members)
-    values = {}
-    for (field, wanted), part in zip(ranges.items(), points[:members].T, strict=True):
-        if not isinstance(wanted, Range) or wanted.steps is not None:
-            raise BadInput(f"vary {field}: expected LOW:HIGH[:log] with sample {sample}, got other values")
-        values[field] = wanted.at(part)
-    return values
+    return np.asarray(points[:members].T)
 
 
 def member_cases(
@@ -182,25 +145,22 @@ def member_cases(
     return cases
 
 
-def member_rows(cases: Sequence[Case], fields: Sequence[str], rows: Sequence[Row]) -> "pd.DataFrame":
-    """Return a row per member: its number, the fields that differ, how it ended, and what it did."""
+def member_rows(cases: Sequence[Case], fields: Sequence[str], rows: Sequence[Row]) -> Any:
+    """Return a data frame, a row per member: number, fields that differ, how it ended, what it did."""
     import pandas as pd
 
     by_case = {row["case"]: row for row in rows}
     table = pd.DataFrame([by_case[case.key] for case in cases])
-    ends = {name: table.get(name) for name in ENDS}
-    others = {*cases[0].head(), *ENDS, "case", "exception"}
-    varied = {name: table[VARIED + name] for name in fields}
-    return pd.DataFrame(
-        {"member": range(len(table)), **varied, **ends, **table.drop(columns=[*others & {*table}])}
-    )
+    head = {"member": range(len(table))} | {name: table[VARIED + name] for name in fields}
+    head |= {name: table.get(name) for name in ("status", "reason", "warnings")}
+    others = {*cases[0].head(), *head, "case", "exception"}
+    return pd.DataFrame(head | {name: table[name] for name in table if name not in others})
 
 
 def member(scene: Scene, values: Mapping[str, float], revolutions: float) -> Scene:
     """Return the scene with these values in its fields, by their paths, as long as so many revolutions.
 
-    They are those of the turning body at its speed at the start. Without one, or where it is at rest, a
-    revolution is as long as the scene.
+    Without a turning body, or where it starts at rest, one is as long as the scene.
     """
     scene, body = scene.replace(values), scene.turning_body
     speed = 0.0 if body is None else float(start_state(scene)[1][body, 2])
@@ -211,7 +171,8 @@ def member(scene: Scene, values: Mapping[str, float], revolutions: float) -> Sce
 def measure(case: Case) -> tuple[Row, Curves]:
     """Simulate a member as ``crankslider simulate`` does, and return what it did, with its warnings."""
     numbers = {name: float(str(value)) for name, value in case.columns.items() if value is not None}
-    transient, revolutions, step_s = (numbers.pop(name, math.inf) for name in LENGTHS)
+    lengths = ("transient", "revolutions", "step")
+    transient, revolutions, step_s = (numbers.pop(name, math.inf) for name in lengths)
     engine = make_engine(case.engine, **case.settings)
     values = {name.removeprefix(VARIED): number for name, number in numbers.items()}
     try:
@@ -232,17 +193,19 @@ def summary(scene: Scene, run: Trajectory, transient: float, revolutions: float)
     """Return what a run did in the revolutions after the transient; NaN is what is not known.
 
     Of joints with clearance, all taken together: an impact is a touch; one that still lasts at the end has no
-    impulse yet, and its speed is not known. The largest force is that of impacts, found between steps, and of
-    samples. The deviation in m is that of what the scene observes, such as the slider's place, from where
-    ideal joints would have it at the turning body's angle. That angle is the phase of an impact, or without
-    such a body the part of a turn's time: its mean is that of cosine and sine, since angles go round.
-
-    Of a scene with ideal joints: the largest forces of joints and guides, and of its driver, at samples.
+    impulse yet, and its speed is not known. The deviation is that of what the scene observes from where ideal
+    joints would have it at the turning body's angle. That is the phase of an impact, or without such a body
+    the part of a turn's time; its mean is that of cosine and sine, since angles go round.
     """
     turns, body = transient + revolutions, scene.turning_body
     first = round((len(run.time_s) - 1) * transient / turns)
     if not run.contacts:
-        return _largest_loads(run, first)
+        joints = {name: np.hypot(*force.T) for name, force in run.joint_force_N.items()}
+        loads = {f"largest_joint_{name}_force_N": force for name, force in joints.items()}
+        loads |= {f"largest_{name}_normal_force_N": force for name, force in run.guide_force_N.items()}
+        if run.driver_torque_N_m is not None:
+            loads["largest_driver_torque_N_m"] = run.driver_torque_N_m
+        return {name: float(np.abs(load[first:]).max()) for name, load in loads.items()}
     turn_s, from_s = scene.end_time_s / turns, run.time_s[first]
     touch_s, speed, impulse = _touches(run, from_s)
     late = replace(run, position=run.position[first:], velocity=run.velocity[first:])
@@ -274,15 +237,6 @@ def summary(scene: Scene, run: Trajectory, transient: float, revolutions: float)
         "impact_phase_cosine": _mean(np.cos(phase)),
         "impact_phase_sine": _mean(np.sin(phase)),
     }
-
-
-def _largest_loads(run: Trajectory, first: int) -> dict[str, float]:
-    joints = {name: np.hypot(*force.T) for name, force in run.joint_force_N.items()}
-    loads = {f"largest_joint_{name}_force_N": force for name, force in joints.items()}
-    loads |= {f"largest_{name}_normal_force_N": force for name, force in run.guide_force_N.items()}
-    if run.driver_torque_N_m is not None:
-        loads["largest_driver_torque_N_m"] = run.driver_torque_N_m
-    return {name: float(np.abs(load[first:]).max()) for name, load in loads.items()}
 
 
 def _mean(values: FloatArray) -> float:

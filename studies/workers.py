@@ -29,24 +29,17 @@ FROM_OUTSIDE = ("SIGTERM", "SIGINT", "SIGKILL", "SIGHUP", "SIGQUIT")
 #: A process that has not imported what a call needs within this time never will; one that has closed its pipe
 #: is dead within that time, in s.
 BEGINNING_S, DYING_S = 600.0, 5.0
-#: Of the last line that a process said, so many characters are told.
-SHOWN_WORDS = 200
 #: What a process begins with: before it imports anything it has our path, so that no file in the current
 #: folder, such as ``array.py``, takes the place of a module of Python's.
 BEGIN = "import sys; sys.path[:] = sys.argv[3:]; from studies.workers import serve; serve(*sys.argv[1:3])"
-#: The option of Linux's prctl by which the kernel ends a process whose parent is no more.
-PR_SET_PDEATHSIG = 1
 
 
 class Ended(SimulationFailed):
     """A call's process died, or was killed at its limit; ``status`` is what its row says."""
 
-    def __init__(self, status: str, reason: str) -> None:
-        super().__init__(status, reason)
+    def __init__(self, reason: str, status: str = CRASHED) -> None:
+        super().__init__(reason)
         self.status = status
-
-    def __str__(self) -> str:
-        return str(self.args[1])
 
 
 class Worker:
@@ -60,11 +53,7 @@ class Worker:
         """Return what a call returns in the process, or raise what it raises.
 
         A call whose process has run others is run again in a new one, so that none answers for the damage
-        that another did.
-
-        Raises:
-            Ended: the process died of the call, exceeded the limit, or was killed.
-            Failed: no process can begin.
+        that another did. ``Ended`` says that it died of the call, exceeded the limit, or was killed.
         """
         used = self._process is not None
         try:
@@ -75,16 +64,19 @@ class Worker:
         return self._run(call, args, limit_s)
 
     def _run(self, call: Callable[..., T], args: tuple[object, ...], limit_s: float) -> T:
-        process = self._process or self._begin()
+        process, answers = self._process or self._begin(), list[Any]()
         if self._closed:
             process.kill()
-        begun = False
         try:
             self._pipe.send((call, args))
-            begun = self._answer(BEGINNING_S)
-            value, error = self._answer(limit_s)
+            for limit in (BEGINNING_S, limit_s):
+                if not self._pipe.poll(limit):
+                    self.close()
+                    raise Ended(f"not finished within the limit of {limit:g} s", TIMED_OUT)
+                answers.append(self._pipe.recv())
         except (EOFError, OSError):
-            raise self._death(process, begun) from None
+            raise self._death(process, begun=bool(answers)) from None
+        value, error = answers[-1]
         if error is not None:
             raise error
         return value  # type: ignore[no-any-return]
@@ -94,22 +86,14 @@ class Worker:
         self._pipe, theirs = Pipe()
         self._words = TemporaryFile("a+b")  # noqa: SIM115  it lives as long as the process
         with theirs:
-            number = theirs.fileno()
             self._process = subprocess.Popen(
-                [sys.executable, "-c", BEGIN, str(number), str(os.getpid()), *sys.path],
+                [sys.executable, "-c", BEGIN, str(theirs.fileno()), str(os.getpid()), *sys.path],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,  # of native code too
                 stderr=self._words,
-                pass_fds=[number],
+                pass_fds=[theirs.fileno()],
             )
         return self._process
-
-    def _answer(self, limit_s: float) -> Any:
-        """Return what the process answers next; it is killed at the limit."""
-        if self._pipe.poll(limit_s):
-            return self._pipe.recv()
-        self.close()
-        raise Ended(TIMED_OUT, f"not finished within the limit of {limit_s:g} s")
 
     def _death(self, process: "subprocess.Popen[bytes]", begun: bool) -> Exception:
         """Return how a process ended that has closed its pipe."""
@@ -123,10 +107,10 @@ class Worker:
         name = signal.Signals(-code).name if code < 0 else ""
         reason = f"killed by {name}" if name else f"ended with exit code {code}"
         if said:
-            reason += f": {said[-1][:SHOWN_WORDS]}"
+            reason += f": {said[-1][:200]}"
         if name in FROM_OUTSIDE:
-            return Ended(KILLED, reason)
-        return Ended(CRASHED, reason) if begun else Failed(f"no process can begin: {reason}")
+            return Ended(reason, KILLED)
+        return Ended(reason) if begun else Failed(f"no process can begin: {reason}")
 
     def kill(self) -> None:
         """End the process, whatever it does, and every other one that a call begins."""
@@ -173,11 +157,7 @@ class Pool:
             self._free.put(worker)
 
     def results(self, call: Callable[[Any], T], items: Iterable[Any]) -> Iterator[tuple[Any, T | Ended]]:
-        """Yield every item, which has a ``limit_s``, and what its call gave, as it ends.
-
-        Raises:
-            Exception: what a call raised other than ``Ended``.
-        """
+        """Yield every item, which has a ``limit_s``, and what its call gave or ``Ended``, as it ends."""
         submit = self._threads.submit
         futures = {submit(self.run, call, item, limit_s=item.limit_s): item for item in items}
         try:
@@ -192,13 +172,10 @@ class Pool:
 
 
 def serve(pipe: str, parent: str) -> None:
-    """Answer calls with ``(value, None)`` or ``(None, error)`` until the parent is no more.
-
-    Of what they say on stderr the last line is told where the process dies.
-    """
+    """Answer calls with ``(value, None)`` or ``(None, error)`` until the parent is no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "linux":  # even while native code hangs with the interpreter's lock; else after a call
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
         if os.getppid() != int(parent):
             return
     calls = Connection(int(pipe))
@@ -209,9 +186,8 @@ def serve(pipe: str, parent: str) -> None:
         except EOFError:
             return
         calls.send(True)  # it begins
-        answer: tuple[Any, Exception | None]
         try:
-            answer = call(*args), None
+            answer: Any = call(*args), None
         except (BadInput, Failed, SimulationFailed, UnsupportedScene) as error:
             answer = None, error
         except Exception as error:  # which may be none that can be sent

@@ -10,15 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from studies.case import Case, Row
-from studies.runner import Workers, run_cases
+from studies.runner import run_cases
 from studies.store import FILE, Store
 from tests.helpers.mischief import NAME
 
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.
-CODE = (
-    f"from studies import case; case.STUDIES = {{'{NAME}': '{NAME}'}};"
-    "from crankslider.command import main; main()"
-)
+CODE = f"from studies import case; case.STUDIES = ['{NAME}'];from crankslider.command import main; main()"
 #: What to say first, so that Ctrl-C is heard even if a shell has us and our children ignore it.
 HEAR = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
 
@@ -75,9 +72,7 @@ class Here:
             yield item, call(item)
 
 
-def run_in(
-    folder: Path, cases: Sequence[Case], workers: Workers | None = None, retry: bool = False
-) -> list[Row]:
+def run_in(folder: Path, cases: Sequence[Case], workers: Any = None, retry: bool = False) -> list[Row]:
     """Run cases of one study into a folder, in this process or by workers, and return all rows there."""
     name = cases[0].study
     run_cases({name: cases}, folder, workers or Here(), retry_failed=retry)

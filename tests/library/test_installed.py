@@ -15,7 +15,7 @@ SOURCES = ("crankslider", "reference_solver", "engine_models", "studies", "repor
 RUN = """
 import crankslider as cs
 run = cs.simulate('ideal-free', end=0.01, samples=4)
-run.animate('film.html')
+run.write(animate='film.html')
 """
 
 

@@ -44,10 +44,10 @@ def test_the_largest_force_is_that_of_an_impact_or_a_sample_and_samples_that_mis
     two |= {"largest_normal_force_time_s": np.array([0.3, 0.7])}
     changed = replace(contact, normal_force_N=np.array([0.0, at_samples_N, 0.0]), impacts=Impacts(**two))
     trajectory = replace(run.trajectory, time_s=np.linspace(0.0, 2.0, 3), contacts={"B": changed})
-    told = replace(run, scene=run.scene.replace("end_time_s", 2.0), trajectory=trajectory)
+    told = replace(run, scene=run.scene.replace("end_time_s", 2.0), trajectory=trajectory, by="hand")
     assert told.largest_contact_force == largest
     first = f"the largest contact force is {largest[0] / 1e3:g} kN at joint B at t = {largest[2]:g} s"
-    assert told._notes_of_force() == [first, *([f"2 samples show {missed}"] if missed else [])]
+    assert told.notes()[1:] == [first, *([f"2 samples show {missed}"] if missed else [])]
 
 
 def test_the_largest_force_is_that_of_a_run_with_many_samples(run: cs.Run) -> None:

@@ -47,13 +47,3 @@ def test_quality_says_the_parts_in_one_line(loose_run: cs.Run) -> None:
     assert crankslider("simulate", LOOSE.name, "--end", 0.002, "--samples", 20).stderr.startswith(
         f"note: quality: {said}\n"
     )
-
-
-def test_a_notebook_shows_what_ran_how_well_and_a_figure() -> None:
-    run = cs.simulate(cs.scenes["ideal-free"].replace("name", "<i>mine"), end=0.01, samples=4)
-    html = run._repr_html_()
-    assert "&lt;i&gt;mine, reference" in html
-    assert "<i>" not in html
-    assert run.quality.summary() in html
-    assert 'src="data:image/png;base64,iVBOR' in html
-    assert run.plot()._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from engine_models.scene.file import from_toml, load
+from engine_models.scene.file import SceneError, from_toml, load
 from engine_models.scene.library import MECHANISMS, ideal_free
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND, Guide
@@ -168,6 +168,12 @@ def test_a_rough_place_of_a_pin_tells_on_which_side_a_four_bar_begins(side: floa
     assert math.hypot(x - 0.3, y - side * 0.2) < 0.02
     assert placed.moved is not None
     assert "B moved by 0.0127 m" in placed.moved
+
+
+def test_a_pin_that_is_held_off_its_path_is_refused() -> None:
+    start = {"place_m": {"B": [0.28, 0.25]}, "hold": ["B"]}
+    with pytest.raises(SceneError, match=r"^start\.hold: expected held values \(B\) that the joints allow"):
+        from_toml(FOUR_BAR).replace("start", start)
 
 
 # Tables in files

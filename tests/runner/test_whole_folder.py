@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from studies.whole_file import whole_folder
+from crankslider.command import whole_folder
 
 KILLED = """
 import os, sys
 from pathlib import Path
-from studies.whole_file import whole_folder
+from crankslider.command import whole_folder
 with whole_folder(Path(sys.argv[1])) as new:
     (new / "half.html").touch()
     os.kill(os.getpid(), 9)
