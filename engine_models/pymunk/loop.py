@@ -58,9 +58,8 @@ class Loop:
             for k, room in enumerate(rooms)
             if room.law == "rigid"
         }
-        drive = forces.of.drive
         self._changes = changes_speed(forces.of)
-        driven = model.bodies[drive.body]
+        driven = model.bodies[forces.of.drive.body]
         self._driven, self._begin_at, self._begin_rad = driven, driven.position, driven.angle
         self._looks = model.loaded or bool(rooms)
         self._read, self._write, ids = batch.Buffer(), batch.Buffer(), batch.Buffer()

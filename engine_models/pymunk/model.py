@@ -55,15 +55,16 @@ class Model:
 def build(scene: Scene, position: FloatArray, all_joints: bool) -> Model:
     """Return the space of a scene's mechanism at positions (bodies, 3) of its centres of mass.
 
-    Every ideal pin is a pivot and every guide a groove, with a gear where one of its bodies turns, but for
-    those that hold what a drive moves. That is kinematic. Where loads act in every step, whatever turns about
-    a pin of the ground does so without a joint, unless ``all_joints`` are wanted. There are no shapes.
+    Ideal pins are pivots and guides grooves, with a gear where one of their bodies turns, but for those of
+    what a drive moves, which is kinematic. Where loads or contacts are set in every step, what turns about a
+    pin of the ground does so without a joint, which errs less, unless ``all_joints`` are wanted.
 
     Raises:
         UnsupportedScene: a guide is none that Pymunk's groove is right for.
     """
     of, forces, space = scene.mechanism, Forces(scene), pymunk.Space()
-    still, rotors = _not_turning(of), bool(forces.parts) and not all_joints
+    pushed = bool(forces.parts) or any(room.law != "rigid" for room in scene.clearances.values())
+    still, rotors = _not_turning(of), pushed and not all_joints
     pivots = {body: _pivot(of, body, still, rotors) for body in range(len(of.bodies))}
     about = {body: pin for body, pin in pivots.items() if pin is not None}
     bodies, origin, lift = list[pymunk.Body](), np.zeros((len(of.bodies), 2)), np.zeros((len(of.bodies), 2))
