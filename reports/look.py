@@ -183,7 +183,7 @@ def command(row: pd.Series, scene: str) -> str:
     """
     settings = row.filter(regex="^setting_").dropna()
     words = [f"--set {name.removeprefix('setting_')}={value}" for name, value in settings.items()]
-    step = f"--samples {row['samples']:.0f} --step {row['step_s']:.10g}"  # rounded further it may be another one
+    step = f"--samples {row['samples']:.0f} --step {row['step_s']:.10g}"  # rounded it may be another
     return " ".join(["crankslider simulate", scene, f"--engine {row['engine']}", *words, step])
 
 
