@@ -127,9 +127,8 @@ class Run:
                 raise BadInput(unknown("columns", name, self.frame))
         mark, largest = None, self.largest_contact_force
         if largest:
-            label = f"largest contact: {_newtons(largest.force_N)} at {largest.joint}"
-            label += f" after {self.start_s:.6g} s" if self.start_s else ""
-            mark = largest.time_s, largest.force_N, label
+            force = f"{_newtons(largest.force_N)} at {largest.joint} after {self.start_s:.6g} s"
+            mark = largest.time_s, largest.force_N, f"largest contact: {force}"
         title = f"{self.scene.name}, {self.engine_name}"
         return time_plot(self.frame, title, self.quality.summary(), mark, columns)
 

@@ -3,7 +3,7 @@
 Times are of bare runs that run alone, in rounds over all engines. What slows a machine makes no run shorter:
 a setting's time is the least of its rounds, and a round that is slower than one before by more than
 ``SPREAD`` is run again. Left out: what compiling takes, which is before all times, and rounds of a setting
-behind two that agree.
+behind two that are as good as each other.
 """
 
 import time
@@ -26,9 +26,8 @@ ROUNDS, FULL_ROUNDS = 3, 5
 #: A bare run is repeated in its round until this much time is spent, in s, and no more often than that.
 REPEAT_S, REPEATS = 0.02, 100
 #: A round is as good as another if its least time is no more than so many times as long; how often one that
-#: is not is run again; from which time of a solve on, in s, a setting is timed in one round alone; and how
-#: many times as long as the other the longer of two rounds may be that are enough.
-SPREAD, AGAIN, LONG_S, AGREE = 1.3, 3, 1.0, 1.1
+#: is not is run again; and from which time of a solve on, in s, a setting is timed in one round alone.
+SPREAD, AGAIN, LONG_S = 1.3, 3, 1.0
 #: How far a bare run may end from the recorded one, in parts of the crank's length: 0.5 mm in most scenes.
 #: They are equal but for methods whose steps know of the samples, and that are as far off themselves.
 APART = 0.01
@@ -81,7 +80,7 @@ def times(case: Case, samples: int = SAMPLES) -> Row:
 
     Every run's end is held, outside all times, to that of the recorded run with so many samples. A round is
     run again, up to ``AGAIN`` times, that is slower than one before by more than ``SPREAD``; and not at all,
-    without times, of a setting whose solve took longer than ``LONG_S`` in one before, or whose times agree.
+    without times, of a setting whose solve took longer than ``LONG_S`` in one before, or behind two such.
 
     Raises:
         SimulationFailed: the recorded run, or a bare one, fails, or the ends differ (``require_same_end``).
@@ -89,7 +88,7 @@ def times(case: Case, samples: int = SAMPLES) -> Row:
     engine = make_engine(case.engine, **case.settings)
     recorded, rounds = _recorded(engine, case.scene, replace(case.run, samples=samples))
     before, second = [*sorted(rounds), np.inf, np.inf][:2]
-    if LONG_S < before < np.inf or second <= AGREE * before < np.inf:
+    if LONG_S < before < np.inf or second <= SPREAD * before < np.inf:
         return {"repeats": 0}
     solves: list[float] = []
     builds: list[float] = []
