@@ -122,9 +122,8 @@ class Run:
         """Return a figure of motion, forces, the largest marked, and energy, or ``columns``, over time."""
         from reports.run_figures import time_plot
 
-        for name in columns:
-            if name not in self.frame:
-                raise BadInput(unknown("columns", name, self.frame))
+        if missing := [name for name in columns if name not in self.frame]:
+            raise BadInput(unknown("columns", missing[0], self.frame))
         mark, largest = None, self.largest_contact_force
         if largest:
             force = f"{_newtons(largest.force_N)} at {largest.joint} after {self.start_s:.6g} s"
