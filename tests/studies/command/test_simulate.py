@@ -62,8 +62,9 @@ def test_the_command_of_every_setting_typed_asks_for_that_setting(monkeypatch: p
     asked = set()
 
     @wraps(library.simulate)
-    def hear(scene: Any, engine: str, step: str, settings: Any, **_: Any) -> NoReturn:
-        asked.add((scene.name, scene.end_time_s, engine, library.read_engine(engine, settings), float(step)))
+    def hear(scene: Any, engine: str, step: str, settings: Any, samples: int, **_: Any) -> NoReturn:
+        made = library.read_engine(engine, settings)
+        asked.add((scene.name, scene.end_time_s, engine, made, float(step), int(samples)))
         raise Failed("heard")
 
     monkeypatch.setattr(library, "simulate", hear)
@@ -77,7 +78,8 @@ def test_the_command_of_every_setting_typed_asks_for_that_setting(monkeypatch: p
             case.scene.end_time_s,
             case.engine,
             make_engine(case.engine, **case.settings),
-            float(f"{case.head()['step_s']:.6g}"),
+            float(f"{case.head()['step_s']:.10g}"),
+            case.run.samples,
         )
         for case in ran
     }
