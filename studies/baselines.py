@@ -89,7 +89,7 @@ def numbers(case: Case, row: Row) -> Row:
     head: Row = dict(zip(RUN, names, strict=True))
     if row["status"] != "ok":
         return head
-    others = ("impact_", "largest_")
+    others = ("impact_", "largest_", "setting_")
     errors = {name: it for name, it in row.items() if "_error_" in name and not name.startswith(others)}
     position_m, velocity_m_s, *_ = errors.values()
     force_N = max((float(str(it)) for name, it in errors.items() if is_force(name)), default=math.nan)
