@@ -260,3 +260,11 @@ def test_dead_centres_and_transmission_angles_are_those_of_geometry(
         (line,) = [each for each in inspect(scene(text)) if each.startswith(name)]
         told = [float(each) for each in re.findall(r"[\d.]+(?=, |(?: deg))", line.partition(": ")[2])]
         assert told == pytest.approx(np.degrees(angles), abs=0.1), line
+
+
+def test_a_joints_force_is_the_same_whichever_body_has_the_bearing() -> None:
+    """Without friction the motion is the same, too; the force is that on the body named later."""
+    bearings = [scene(FOUR_BAR_CLEARANCE, clearance__B__bearing=name) for name in ("coupler", "rocker")]
+    one, other = (run(DOP853, of.replace("end_time_s", 0.002), 1) for of in bearings)
+    assert np.abs(one.joint_force_N["B"]).max() > 100.0
+    np.testing.assert_allclose(other.joint_force_N["B"], one.joint_force_N["B"], rtol=0, atol=1e-3)
