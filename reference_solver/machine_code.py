@@ -300,6 +300,7 @@ def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: An
         def called(*arguments: Any) -> Any:
             return first_made()(*arguments)
 
+        called.compiled = first_made  # type: ignore[attr-defined]  # for who calls often
         return cast(F, called)
 
     return later if kinds else made

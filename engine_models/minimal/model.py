@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 import scipy.linalg
@@ -287,12 +288,13 @@ class Model(Numbers):
         super().__init__(scene.mechanism, q, damping_of)
         of_contacts = self.told[self.first : self.first + eq.OF_CONTACT * len(self.contacts)]
         self.contacts_told: FloatArray = of_contacts.reshape(-1, eq.OF_CONTACT)
+        self._rates = cast(Any, eq.rates).compiled()
         self.start = self.closed(0.0, np.concatenate([q, v, np.zeros(len(self.sums))]))
 
     def __call__(self, t: float, y: FloatArray) -> FloatArray:
         """Return y'; ``told`` is of that state then."""
         out = np.empty(len(y))
-        eq.rates(self.p, t, np.ascontiguousarray(y), out)
+        self._rates(self.p, t, np.ascontiguousarray(y), out)
         return out
 
     def closed(self, t: float, y: FloatArray) -> FloatArray:
