@@ -12,9 +12,10 @@ import numpy as np
 from engine_models import arms
 from engine_models.arms import Arm, Setting
 from engine_models.engine import FloatArray
-from engine_models.minimal.forces import Forces
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.data import Motion
+from reference_solver.mechanism.motions import going_on, moved
 from studies.judges.converged_truth import GRID, converged
 
 #: How far scenes with clearance are followed in s: to the horizon (see ``converged_truth.followed``), where
@@ -189,10 +190,11 @@ def speeds_rad_s(scene: Scene) -> FloatArray:
         UnsupportedScene, SimulationFailed: there is no true motion.
     """
     if scene.is_short and scene.drive.guide is None:
-        if not scene.mechanism.drive.prescribes:
+        drive = scene.mechanism.drive
+        if not isinstance(drive.law, Motion):
             return np.array([scene.placed.v[2]])
-        _, speeds, _ = Forces(scene).motion(np.linspace(0.0, scene.end_time_s, LOOKS))
-        return np.asarray(speeds)
+        motion = going_on(drive.law, drive.clock_s)
+        return np.array([moved(motion, t)[1] for t in np.linspace(0.0, scene.end_time_s, LOOKS)])
     spins = converged(scene, GRID)[0].velocity[:, :, 2]
     return np.abs(spins).max(axis=1) if scene.turning_body is None else spins[:, scene.turning_body]
 
