@@ -204,15 +204,13 @@ def needed(tape: Tape, results: Iterable[Scalar]) -> dict[Node, None]:
 
 
 @cache
-def target() -> Any:
-    """Set LLVM up for this processor, with the system's library; return what makes object code."""
+def prepare() -> None:
+    """Set LLVM up for this processor, with the system's library."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     library = ctypes.CDLL("ucrtbase" if platform.system() == "Windows" else None)
     for name in {*OF_ONE, *OF_TWO} & {*OF_ONE.values(), *OF_TWO.values()}:
         llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
-    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    return llvm.Target.from_default_triple().create_target_machine(cpu, features, opt=3, jit=True)
 
 
 class Function:
@@ -249,8 +247,10 @@ def loaded(what: str, text: Callable[[], str], names: Iterable[str]) -> tuple[di
     Raises:
         FolderRefused: others could have written what was before.
     """
-    machine = target()
-    told = repr((what, llvm.llvm_version_info, machine.triple, llvm.get_host_cpu_name()))
+    prepare()
+    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    machine = llvm.Target.from_default_triple().create_target_machine(cpu, features, opt=3, jit=True)
+    told = repr((what, llvm.llvm_version_info, machine.triple, cpu))
     name = f"kernel-{hashlib.sha256(told.encode()).hexdigest()[:32]}.o"
     code = read_kept(name)
     if code is None:

@@ -12,10 +12,9 @@ import numpy as np
 from engine_models import arms
 from engine_models.arms import Arm, Setting
 from engine_models.engine import FloatArray
+from engine_models.mechanics.forces import driven_speeds
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.data import Motion
-from reference_solver.mechanism.motions import going_on, moved
 from studies.judges.converged_truth import GRID, converged
 
 #: How far scenes with clearance are followed in s: to the horizon (see ``converged_truth.followed``), where
@@ -190,11 +189,9 @@ def speeds_rad_s(scene: Scene) -> FloatArray:
         UnsupportedScene, SimulationFailed: there is no true motion.
     """
     if scene.is_short and scene.drive.guide is None:
-        drive = scene.mechanism.drive
-        if not isinstance(drive.law, Motion):
+        if not scene.mechanism.drive.prescribes:
             return np.array([scene.placed.v[2]])
-        motion = going_on(drive.law, drive.clock_s)
-        return np.array([moved(motion, t)[1] for t in np.linspace(0.0, scene.end_time_s, LOOKS)])
+        return driven_speeds(scene.mechanism, np.linspace(0.0, scene.end_time_s, LOOKS))
     spins = converged(scene, GRID)[0].velocity[:, :, 2]
     return np.abs(spins).max(axis=1) if scene.turning_body is None else spins[:, scene.turning_body]
 

@@ -7,9 +7,10 @@ import numpy as np
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.states import direction, ends_of, pin_gap, point_motion, way
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.data import GROUND, Ends, MechanismData, Pin, Spring
+from reference_solver.mechanism.data import GROUND, Ends, MechanismData, Motion, Pin, Spring
 from reference_solver.mechanism.loads import Constant, Force, Load, Restoring, Torque, integrated, size_of
 from reference_solver.mechanism.mechanism import loads_of
+from reference_solver.mechanism.motions import going_on, moved
 from reference_solver.mechanism.points import State
 
 
@@ -32,6 +33,18 @@ def load_forces(
         else:
             sizes[name] = np.broadcast_to(size_of(load.law, *_place(load, position, velocity), state), n)
     return sizes
+
+
+def driven_speeds(of: MechanismData, time_s: FloatArray) -> FloatArray:
+    """Return the speeds that a prescribed motion has at times (n,), in rad/s or along a guide in m/s."""
+    assert isinstance(of.drive.law, Motion)
+    motion = going_on(of.drive.law, of.drive.clock_s)
+    return np.array([moved(motion, t)[1] for t in time_s])
+
+
+def along_lines(of: MechanismData) -> list[str]:
+    """Return the names of the loads that are forces along a line."""
+    return [name for name, load in loads_of(of).items() if isinstance(load, Force)]
 
 
 def works_J(scene: Scene, position: FloatArray, integrals: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

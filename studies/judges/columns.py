@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
-from engine_models.mechanics.forces import accelerations, load_forces, on_ground
+from engine_models.mechanics.forces import accelerations, along_lines, load_forces, on_ground
 from engine_models.mechanics.states import direction, guide_column, observed_columns, point_motion, way
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.loads import Force
-from reference_solver.mechanism.mechanism import loads_of
 from studies.judges.energy_ledger import load_works
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
 
@@ -37,8 +35,7 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
     if run.driver_torque_N_m is not None:
         turns = of.drive.guide is None
         columns["driver_torque_N_m" if turns else "driver_force_N"] = run.driver_torque_N_m
-    along = [name for name, load in loads_of(of).items() if isinstance(load, Force)]
-    columns |= {f"{name.replace('.', '_')}_force_N": forces[name] for name in along}
+    columns |= {f"{name.replace('.', '_')}_force_N": forces[name] for name in along_lines(of)}
     columns |= {f"spring_{spring.name}_force_N": forces[f"spring:{spring.name}"] for spring in of.springs}
     columns |= _energies(scene, run)
     for joint, contact in run.contacts.items():
