@@ -358,7 +358,7 @@ class Run(Recording):
         if event is not None and event[2] < 0:
             self._pieces[event[1]] += 1 if event[2] == ON else -1
         model(self.t, self.y)
-        for k in range(len(model.phases)):
+        for k in np.argsort(model.contacts[:, eq.K] != 0.0, kind="stable").tolist():  # impacts first
             for kind in self._kinds(k):
                 is_event = event is not None and (k, kind) == event[1:]
                 if not is_event and not self._signal(model.contacts_told, self.y, k, kind) > NUDGE:
