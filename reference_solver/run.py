@@ -49,14 +49,13 @@ class Gap(NamedTuple):
 GAP_FIELDS = len(Gap._fields)
 
 #: A contact. Its state: phase and memory (see ``mechanism.contacts``), the time of its touch, the
-#: duration expected then, and its ``Equations.mobilities`` when last looked up (``following`` is that of its
-#: pin along the wall; ``follows`` says whether it does so). Its law: radial clearance, stiffness, exponent,
-#: damping factor, minimum impact speed, steepest slope of friction in s/m, whether the force is clipped,
-#: restitution, coefficient of friction. Of a rigid wall: that it is one, the round-off of g and of its rate,
-#: and that it takes no part in a step. Since its touch: the largest normal force in N and penetration, and
-#: their times; at the touch: rate of g, impulse and losses by then. Of a rigid wall at an event: see
-#: ``impacts``. Then the columns of its impulse in the sums, of its losses behind it how many, its number,
-#: and its row and that of its tangent, or -1, in ``impacts.walls_at``.
+#: duration expected then, and ``Equations.mobilities`` (``following``: along its wall). Its law: clearance,
+#: stiffness, exponent, damping factor, minimum impact speed, steepest slope of friction in s/m, whether the
+#: force is clipped, restitution, coefficient of friction. Of a rigid wall: that it is one, the round-off of g
+#: and of its rate, and that it takes no part in a step. Since its touch: the largest normal force in N and
+#: penetration, and their times; at the touch: rate of g, impulse and losses by then. Of a rigid wall at an
+#: event: see ``impacts``. Then the columns of its impulse in the sums, of its losses behind it how many, its
+#: number, and its row and that of its tangent, or -1, in ``impacts.walls_at``.
 CONTACT_RECORD = np.dtype(
     record(
         "phase memory began_s duration_s mobility sliding following clearance stiffness exponent factor "
