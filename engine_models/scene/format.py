@@ -221,6 +221,18 @@ class Spring(SceneData):
     damping_N_s_m: NonNegative = 0.0
 
 
+class Torsion(SceneData):
+    """A torsion spring, and a rotational damper, between two bodies, or the ground and a body.
+
+    The spring is free where the angle of the second one is ``free_angle_rad`` more than that of the first.
+    """
+
+    between: Annotated[tuple[PartName, PartName], Field(strict=False)]
+    stiffness_N_m_rad: NonNegative
+    free_angle_rad: Angle = 0.0
+    damping_N_m_s: NonNegative = 0.0
+
+
 class Friction(SceneData):
     """Friction in a joint with clearance, which rises over ``regularisation_speed_m_s`` from rest."""
 

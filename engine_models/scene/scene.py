@@ -73,6 +73,7 @@ class Scene(form.Top):
     observe: str
     turning: str | None = None
     spring: Named[form.Spring] = Field({})
+    torsion: Named[form.Torsion] = Field({})
     load: Named[form.Load] = Field({})
     drive: form.Drive = form.Drive(kind="free")
     clearance: Named[form.Clearance] = Field({})
@@ -235,6 +236,9 @@ def _names(scene: Scene) -> Iterator[tuple[str, str | None, Iterable[str], str]]
     for name, spring in scene.spring.items():
         for place, end in enumerate(spring.between):
             yield f"spring.{name}.between.{place}", end, ends, "a body.pin"
+    for name, torsion in scene.torsion.items():
+        for place, end in enumerate(torsion.between):
+            yield f"torsion.{name}.between.{place}", end, ["ground", *bodies], "ground or a body"
     joints = [pin for pin, parts in pins.items() if len(parts) == 2]
     for pin, room in scene.clearance.items():
         yield f"clearance.{pin}", pin, joints, "a pin of two bodies, of two at one place where three meet"
@@ -269,9 +273,11 @@ def _check_parts(scene: Scene) -> None:
         require(of_all, f"start.{name}", "the state of every body or of none", None)
     for name in scene.guide:
         require(name not in scene.pins, f"guide.{name}", "a name that no pin has", name)
-    for name, spring in scene.spring.items():
-        first, second = (end.partition(".")[0] for end in spring.between)
-        require(first != second, f"spring.{name}.between", "pins of two bodies", spring.between)
+    springs = {f"spring.{name}": spring.between for name, spring in scene.spring.items()}
+    springs |= {f"torsion.{name}": torsion.between for name, torsion in scene.torsion.items()}
+    for path, between in springs.items():
+        first, second = (end.partition(".")[0] for end in between)
+        require(first != second, f"{path}.between", "ends on two bodies", between)
     for pin, (number, _) in scene.markers.items():
         expected = f"a pin that a body has too ({', '.join(name for name in scene.pins if name != pin)})"
         require(number != GROUND, f"ground.pins_m.{pin}", expected, pin)
@@ -331,11 +337,21 @@ def _mechanism(scene: Scene) -> data.MechanismData:
 
     guides = each(data.Guide, scene.guide, lambda it: ((it.on, it.through_m), (it.body, it.pin)))
     springs = each(data.Spring, scene.spring, lambda it: (end.split(".") for end in it.between))
+    torsions = tuple(
+        _data(
+            data.Torsion,
+            it,
+            name=name,
+            body_i=scene.number(it.between[0]),
+            body_j=scene.number(it.between[1]),
+        )
+        for name, it in scene.torsion.items()
+    )
     bodies = tuple(_data(data.Body, it, name=name) for name, it in scene.body.items())
     loads = tuple(_load(scene, name, it, guides) for name, it in scene.load.items())
     gravity = scene.gravity_m_s2 if isinstance(scene.gravity_m_s2, tuple) else (0.0, -scene.gravity_m_s2)
     drive = _drive(scene, bodies, guides)
-    return data.MechanismData(bodies, pins, guides, springs, loads, drive, gravity)
+    return data.MechanismData(bodies, pins, guides, springs, torsions, loads, drive, gravity)
 
 
 def _ends(scene: Scene, i: Any, j: Any) -> dict[str, Any]:

@@ -92,6 +92,7 @@ class CrankSlider(form.Top):
     drive: form.Drive
     load: Named[CrankLoad] = Field({})
     spring: Named[form.Spring] = Field({})
+    torsion: Named[form.Torsion] = Field({})
     clearance: Named[form.Clearance] = Field({})
 
     @model_validator(mode="after")

@@ -84,7 +84,7 @@ class Joints:
     def __init__(self, of: MechanismData, driven: bool = False) -> None:
         pins = tuple(replace(pin, clearance=None) for pin in of.pins)
         drive = of.drive if driven else replace(of.drive, law=None)
-        mechanism = mechanism_of(replace(of, pins=pins, loads=(), springs=(), drive=drive))
+        mechanism = mechanism_of(MechanismData(of.bodies, pins, of.guides, drive=drive))
         self.data, self.n, self._still = of, 3 * len(of.bodies), np.zeros(3 * len(of.bodies))
         self._constraints, self.rows = mechanism.constraints, rows_named(mechanism)
         self.inverse_mass = 1.0 / mechanism.masses
@@ -191,7 +191,7 @@ def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
     Raises:
         NotAssembled: at q and v, (n,) each, one is not, by more than ``START_TOLERANCE``.
     """
-    mechanism = mechanism_of(replace(of, pins=of.ideal, loads=(), springs=()))
+    mechanism = mechanism_of(MechanismData(of.bodies, of.ideal, of.guides, drive=of.drive))
     system, rows = system_of(mechanism.constraints, State(q, v), q), rows_named(mechanism)
     gaps, speeds = np.abs(np.asarray(system.g, float)), np.abs(np.asarray(system.B @ v - system.C, float))
     if not gaps.max(initial=0.0) <= START_TOLERANCE:

@@ -90,7 +90,10 @@ def mechanism_of(of: MechanismData) -> Mechanism:
 
 
 def loads_of(of: MechanismData) -> dict[str, Load]:
-    """Return the loads in their order: "drive", "BODY.force" and the other parts, "spring:NAME"."""
+    """Return the loads in their order: "drive", "BODY.force" and the other parts, "spring:NAME".
+
+    Of a torsion spring that stores is "torsion:NAME.spring", and "torsion:NAME" its damper.
+    """
     torque, by_name = _torque(of.drive), dict[str, Load]()
     if torque is not None:
         by_name["drive"] = Torque(of.drive.body, torque)
@@ -112,7 +115,18 @@ def loads_of(of: MechanismData) -> dict[str, Load]:
         if load.line is not None:
             parts = {part: Force(*along(load.line), law) for part, law in forces.items() if law} | parts
         by_name |= {f"{name}.{part}": new for part, new in parts.items()}
-    return by_name | {f"spring:{spring.name}": spring for spring in of.springs}
+    by_name |= {f"spring:{spring.name}": spring for spring in of.springs}
+    for it in of.torsions:
+        laws = {
+            ".spring": loads.Restoring(it.stiffness_N_m_rad, it.free_angle_rad)
+            if it.stiffness_N_m_rad
+            else None,
+            "": loads.Damping(it.damping_N_m_s) if it.damping_N_m_s else None,
+        }
+        by_name |= {
+            f"torsion:{it.name}{k}": Torque(it.body_j, law, it.body_i) for k, law in laws.items() if law
+        }
+    return by_name
 
 
 def _torque(drive: DriveData) -> loads.Law | None:
