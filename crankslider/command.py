@@ -364,7 +364,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 @contextmanager
 def progress(end_time_s: float) -> Iterator[None]:
     """Say now and then how far the simulations of the block have come, each to its end."""
-    from engine_models.progress import told_to
+    from engine_models.watch import told_to
 
     began = last = time.monotonic()
 

@@ -19,11 +19,11 @@ from engine_models.engine import Engine, Trajectory
 from engine_models.mechanics.quality import Quality, quality_of
 from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
-from engine_models.progress import tell
 from engine_models.scene.arguments import Place, check_arguments, in_words
 from engine_models.scene.format import Positive
 from engine_models.scene.plain_words import one_of, shown, unknown
 from engine_models.scene.scene import Scene
+from engine_models.watch import tell
 from studies.failures import BadInput, writing
 
 if TYPE_CHECKING:

@@ -32,10 +32,8 @@ OF_MINIMAL = (
     "engine_models.mechanics.impacts.",
     "engine_models.mechanics.states.",
     "engine_models.mechanics.trajectory.",
-    "engine_models.memory.",
     "engine_models.minimal.",
-    "engine_models.pace.",
-    "engine_models.progress.",
+    "engine_models.watch.",
     "reference_solver.machine_code.compiled.",
     "reference_solver.mechanism.data.",
 )

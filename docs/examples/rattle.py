@@ -23,8 +23,8 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.mechanics.start import start_state
-from engine_models.progress import tell
 from engine_models.scene.scene import Scene
+from engine_models.watch import tell
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, MechanismData, Point, Torque
 
 #: Allowed error of the rows after a step in m and rad, and the largest number of corrections in a step.

@@ -23,10 +23,9 @@ from engine_models.engine import (
 from engine_models.exudyn.contact import native_twin
 from engine_models.exudyn.tree import why_no_tree
 from engine_models.mechanics.start import unwound
-from engine_models.memory import require_memory
 from engine_models.minimal.forces import Forces, require_family
-from engine_models.pace import require_followed
 from engine_models.scene.scene import Scene
+from engine_models.watch import require_followed, require_memory
 
 #: Solvers of the absolute model and of the tree, by their orders; None where a tolerance decides.
 IMPLICIT = {"TrapezoidalIndex2": 2, "GeneralizedAlpha": 2}

@@ -8,14 +8,14 @@ from contextlib import contextmanager
 import exudyn as exu
 import numpy as np
 
-from engine_models import progress
+from engine_models import watch
 from engine_models.engine import EngineFailed, RunSettings, SimulationFailed
 from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import lever_m, levers_m, shortest_m
 from engine_models.minimal.forces import Forces
-from engine_models.pace import FEWEST_STEPS, quickest_s
 from engine_models.scene.scene import Scene
+from engine_models.watch import FEWEST_STEPS, quickest_s
 from reference_solver.mechanism.contacts import stiffness_of
 from reference_solver.mechanism.data import Motor
 
@@ -145,11 +145,11 @@ def solve(mbs: exu.MainSystem, settings: exu.SimulationSettings, timeout_s: floa
     Raises:
         SimulationFailed: Exudyn gave up, or ran out of time.
     """
-    listener, raised = progress.listener(), list[BaseException]()
+    listener, raised = watch.listener(), list[BaseException]()
 
     def before_step(_: exu.MainSystem, time_s: float) -> bool:
         try:
-            progress.tell(time_s)
+            watch.tell(time_s)
         except BaseException as error:
             raised.append(error)
         return not raised

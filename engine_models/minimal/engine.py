@@ -8,11 +8,11 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass as settings_class
 
 from engine_models.engine import SETTINGS_CONFIG, BareRun, Engine, RunSettings, Trajectory, UnsupportedScene
-from engine_models.memory import require_memory
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Model, damping_of, wall_of
 from engine_models.minimal.run import Choice, solve
 from engine_models.scene.scene import Scene
+from engine_models.watch import require_memory
 
 #: The smallest relative tolerance of the engine, and the least one that SciPy takes.
 SHARPEST, LEAST_RTOL = 1e-13, 2.3e-14

@@ -31,9 +31,8 @@ from engine_models.minimal import equations as eq
 from engine_models.minimal.equations import CLIPPED, FLIGHT, PUSHED
 from engine_models.minimal.model import STEEP, Model, Numbers
 from engine_models.minimal.rigid import settle
-from engine_models.pace import Pace
-from engine_models.progress import tell
 from engine_models.scene.scene import Scene
+from engine_models.watch import Pace, tell
 
 #: Absolute tolerance of sums, which takes them out of the error control.
 UNCONTROLLED = 1e30

@@ -21,15 +21,14 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.mechanics.start import checked_start, unwound
-from engine_models.memory import require_memory
 from engine_models.minimal.forces import require_family
-from engine_models.pace import require_followed
 from engine_models.pymunk import kicks
 from engine_models.pymunk.loop import Loop
 from engine_models.pymunk.model import build, changes_speed, sweeps_of
 from engine_models.pymunk.native_contact import rigid_twin
 from engine_models.pymunk.record import Record
 from engine_models.scene.scene import Scene
+from engine_models.watch import require_followed, require_memory
 
 #: What fits into a C int.
 Count = Annotated[int, Field(gt=0, lt=2**31)]

@@ -9,11 +9,11 @@ from pymunk import batch
 
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed
 from engine_models.minimal import equations as eq
-from engine_models.progress import tell
 from engine_models.pymunk import kicks
 from engine_models.pymunk.model import Model, changes_speed, sweeps_of
 from engine_models.pymunk.native_contact import NativeContact
 from engine_models.scene.scene import Scene
+from engine_models.watch import tell
 
 FIELDS = batch.BodyFields
 STATE = FIELDS.POSITION | FIELDS.ANGLE | FIELDS.VELOCITY | FIELDS.ANGULAR_VELOCITY

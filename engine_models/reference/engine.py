@@ -17,10 +17,9 @@ from engine_models.engine import (
     require_finite,
 )
 from engine_models.mechanics.start import unwound
-from engine_models.memory import require_memory
-from engine_models.pace import MOST_STEPS, require_followed
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s, reference_run
 from engine_models.scene.scene import Scene
+from engine_models.watch import MOST_STEPS, require_followed, require_memory
 from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
 from reference_solver.solver import (

@@ -7,10 +7,9 @@ from collections.abc import Callable
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.mechanics.start import checked_start
-from engine_models.pace import MOST_STEPS, Pace, too_slow
-from engine_models.progress import tell
 from engine_models.reference.solution import mechanism_of, trajectory_of_solution
 from engine_models.scene.scene import Scene
+from engine_models.watch import MOST_STEPS, Pace, tell, too_slow
 from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff, Stalled
 from reference_solver.mechanism.scales import scales_of

@@ -5,15 +5,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine_models import memory
+from engine_models import watch
 from engine_models.convergence.step_halving import FEWEST_SAMPLES, simulate_to_tolerance
 from engine_models.engine import RunSettings, SimulationFailed
 from engine_models.engines import ENGINES, make_engine
 from engine_models.mechanics.states import observed
 from engine_models.minimal import run as minimal_runs
-from engine_models.progress import told_to
 from engine_models.reference import run as reference_runs
 from engine_models.scene.library import SCENES
+from engine_models.watch import told_to
 from tests.engines.mechanism_texts import TEXTS
 from tests.engines.mechanism_texts import scene as mechanism
 from tests.engines.runs import engine as made
@@ -97,7 +97,7 @@ def test_a_bare_run_ends_where_the_watched_one_does(engine: str, name: str) -> N
 def test_a_run_too_large_for_the_memory_is_refused_in_one_line(
     options: tuple[str, ...], refusal: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(memory, "free_bytes", lambda: 5_000_000)
+    monkeypatch.setattr(watch, "free_bytes", lambda: 5_000_000)
     done = crankslider("simulate", "ideal-driven", *options)
     assert done.code == 2
     assert done.stderr.startswith(f"error: {refusal}")

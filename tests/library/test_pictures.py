@@ -15,9 +15,9 @@ from PIL import Image
 
 import crankslider as cs
 from engine_models.engine import FloatArray
-from engine_models.progress import tell
 from engine_models.scene.file import load
 from engine_models.scene.library import MECHANISMS
+from engine_models.watch import tell
 from reports.film import LONGEST_ARROW, Stage, film_bytes
 
 #: Drawn is what a double has: the slider's place and gaps are differences of coordinates below 1 m.
