@@ -232,12 +232,13 @@ def _names(scene: Scene) -> Iterator[tuple[str, str | None, Iterable[str], str]]
         others = [it for it in ("ground", *bodies) if it != guide.body]
         yield f"guide.{name}.on", guide.on, others, "ground or another body"
     ends = [f"{part}.{pin}" for pin, parts in pins.items() for part in parts]
-    for kind, choices, what in (("spring", ends, "body.pin"), ("torsion", ["ground", *bodies], "body")):
+    of_torsion = "torsion", ["ground", *bodies], "ground or a body, not"
+    for kind, choices, what in (("spring", ends, "a body.pin, not of"), of_torsion):
         for name, spring in getattr(scene, kind).items():
             for place, end in enumerate(spring.between):
                 other = spring.between[1 - place].partition(".")[0]
                 others = [it for it in choices if it.partition(".")[0] != other]
-                yield f"{kind}.{name}.between.{place}", end, others, f"a {what}, not on {other}"
+                yield f"{kind}.{name}.between.{place}", end, others, f"{what} {other}"
     joints = [pin for pin, parts in pins.items() if len(parts) == 2]
     for pin, room in scene.clearance.items():
         yield f"clearance.{pin}", pin, joints, "a pin of two bodies, of two at one place where three meet"
