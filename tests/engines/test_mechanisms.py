@@ -114,7 +114,7 @@ t = { between = ["one", "two"], stiffness_N_m_rad = 2.0, free_angle_rad = 16.0, 
 @pytest.mark.parametrize(
     ("engine", "bound"),
     [
-        *(("reference", 1e-7), (DOP853, 1e-11), ("scipy", 1e-8)),
+        *(("reference", 1e-7), (DOP853, 1e-11), ("scipy", 1e-11)),
         *(("exudyn", 1e-3), ("exudyn solver=RK44", 1e-7), ("pymunk", 1e-3)),
     ],
 )
