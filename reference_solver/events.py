@@ -7,7 +7,7 @@ corrected by Newton's method.
 
 import numpy as np
 
-from reference_solver.machine_code import call
+from reference_solver.machine_code import call, inner
 from reference_solver.mechanism.contacts import CLIPPED, CONTACT, FLIGHT
 from reference_solver.run import (
     AT,
@@ -23,7 +23,6 @@ from reference_solver.steps import (
     Step,
     attempt,
     gap_of,
-    inner,
     know_slopes,
     place_at,
     probe,

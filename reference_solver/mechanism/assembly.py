@@ -134,10 +134,7 @@ class Joints:
 
 @dataclass(frozen=True)
 class Assembled:
-    """A start that was put together: q and v, (n,) each, and by how much it was moved.
-
-    ``moved`` tells that in words. ``drive_moves`` says whether the joints let move what the drive is on.
-    """
+    """A start, q and v (n,) each: whether joints let move what the drive is on; in words, what was moved."""
 
     q: FloatArray
     v: FloatArray

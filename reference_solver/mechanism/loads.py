@@ -90,6 +90,11 @@ class Torque:
     law: Law
     against: int = GROUND
 
+    def turned(self, state: State) -> tuple[Scalar, Scalar]:
+        """Return s and s'."""
+        (*_, angle), (*_, speed) = state.position(self.body), state.velocity(self.body)
+        return angle - state.position(self.against)[2], speed - state.velocity(self.against)[2]
+
 
 @dataclass(frozen=True)
 class Force(Line):
@@ -115,12 +120,10 @@ def forces_of(load: Load, state: State) -> Forces:
     if isinstance(load, Spring):
         return _pulled(load, state)
     if isinstance(load, Torque):
-        angle = state.position(load.body)[2] - state.position(load.against)[2]
-        speed = state.velocity(load.body)[2] - state.velocity(load.against)[2]
-        torque = array([0.0, 0.0, _size(load.law, angle, speed, state)])
+        torque = array([0.0, 0.0, size_of(load.law, *load.turned(state), state)])
         return {load.body: torque, load.against: -torque}
     i, j, u, across, d = line_at(load, state)
-    pull = _size(load.law, u @ d, u @ (j.rate - i.rate) + i.spin * (across @ d), state) * u
+    pull = size_of(load.law, u @ d, u @ (j.rate - i.rate) + i.spin * (across @ d), state) * u
     forces = {load.body_j: pull @ j.jacobian}
     if load.body_i != GROUND:
         lever = j.place - state.position(load.body_i)[:2]
@@ -128,7 +131,7 @@ def forces_of(load: Load, state: State) -> Forces:
     return forces
 
 
-def _size(law: Law, s: Scalar, rate: Scalar, state: State) -> Scalar:
+def size_of(law: Law, s: Scalar, rate: Scalar, state: State) -> Scalar:
     """Return the size of a force or torque at s and s'."""
     match law:
         case Constant(size):
@@ -183,7 +186,7 @@ def potential_J(load: Load, q: FloatArray) -> FloatArray | None:
         return np.asarray(load.stiffness_N_m * (distance_m(load, q) - load.free_length_m) ** 2 / 2)
     state = State(q.T, q.T)  # of all samples at once
     if isinstance(load, Torque):
-        s = state.position(load.body)[2] - state.position(load.against)[2]
+        s, _ = load.turned(state)
     else:
         along = state.direction(load.body_i, load.angle_rad).T
         s = (along * apart_m(load, q)).sum(axis=1)
