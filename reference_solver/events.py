@@ -61,8 +61,8 @@ def alarm(contact, gap, kind):
 def passed(contact, gap, new_gap, kind):
     """Return whether an event lies within a step, by both its ends.
 
-    Of a pin before a rigid wall it is to be no round-off. What begins past its wall by round-off, on its way
-    back, is past it still while it comes nearer.
+    A pin before a rigid wall passes it by more than round-off, or on its way out. A compliant contact that
+    begins past its event by round-off passes it only if it goes on.
     """
     value = alarm(contact, new_gap, kind)
     if kind == 1:
@@ -190,6 +190,8 @@ def land(run, rows, contacts, method, step, end, event, taken):
             if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
                 return step
             if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
+                if abs(more) <= 1e-14 * end:  # what projection moves the pin by is no less
+                    return step
                 break
         else:
             more = PAST * (end - t) * 100.0**trials

@@ -49,7 +49,7 @@ class Gap(NamedTuple):
 GAP_FIELDS = len(Gap._fields)
 
 #: A contact. Its state: phase and memory (see ``mechanism.contacts``), the time of its touch, the
-#: duration expected then, and its ``Equations.mobilities`` when last looked up. Its law: radial clearance,
+#: duration expected then, and ``Equations.mobilities`` (``following``: along its wall). Its law: clearance,
 #: stiffness, exponent, damping factor, minimum impact speed, steepest slope of friction in s/m, whether the
 #: force is clipped, restitution, coefficient of friction. Of a rigid wall: that it is one, the round-off of g
 #: and of its rate, and that it takes no part in a step. Since its touch: the largest normal force in N and
@@ -223,7 +223,8 @@ def new_run(
         contact["column"] = sums.index(f"normal{k}")
         contact["losses"] = sum(name in sums for name in (f"loss{k}", f"clip{k}", f"slide{k}"))
     of_walls = 6 * len(rigid) + wall_rows * (n + wall_rows + 2)  # see ``impacts.walls_at``
-    rows = np.zeros((SLOPES + MOST_SLOPES, max(size + gaps + 1 + 2 * n, 3 * K, of_walls)))
+    height = max(SLOPES + MOST_SLOPES, DENSE + wall_rows + 2)  # see ``impacts.resolve``
+    rows = np.zeros((height, max(size + gaps + 1 + 2 * n, 3 * K, of_walls)))
     state = np.zeros(1, RUN_RECORD)
     (run,) = state
     run["n"], run["size"], run["wall"], run["fresh"], run["condition"] = n, size, -1, -1, 1.0
