@@ -142,7 +142,8 @@ def swing_s(load: Load, mechanism: Mechanism) -> float:
     A line's lever is no longer than that of its point.
     """
     if isinstance(load, Torque):
-        mobility = 1 / mechanism.bodies[load.body].inertia_kg_m2
+        turned = [body for body in (load.body, load.against) if body != GROUND]
+        mobility = sum(1 / mechanism.bodies[body].inertia_kg_m2 for body in turned)
     else:
         ends = [(load.body_i, load.point_i), (load.body_j, load.point_j)]
         bodies = [(mechanism.bodies[body], point) for body, point in ends if body != GROUND]
@@ -152,6 +153,6 @@ def swing_s(load: Load, mechanism: Mechanism) -> float:
             return float(max(np.sqrt(stiffness * mobility), damping * mobility))
         case Torque(law=Damping(damping)) | Force(law=Damping(damping)):
             return float(damping * mobility)
-        case Force(law=Restoring(stiffness)):
+        case Torque(law=Restoring(stiffness)) | Force(law=Restoring(stiffness)):
             return float(np.sqrt(stiffness * mobility))
     return 0.0

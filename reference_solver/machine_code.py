@@ -44,7 +44,7 @@ OF_TWO = {"pow": "pow", "copysign": "llvm.copysign.f64"}
 #: What compiles each of the functions of a module that are compiled together, and what Numba is to be told.
 _TOGETHER, _UNTOLD = defaultdict[str, list[Callable[[], Any]]](list), list[Callable[[], Any]]()
 #: What Numba's text calls to tell Python of an exception, and what ends the process in its place.
-TELLS = re.compile(r"^declare (.*@(?:numba_|NRT_|Py)\w+\(.*\)) local_unnamed_addr.*$", re.MULTILINE)
+TELLS = re.compile(r"^declare (.*@(?:numba_|NRT_|Py)\w+\(.*\))(?: \w+)*(?: #\d+)?$", re.MULTILINE)
 TRAP = "declare void @llvm.trap()\n"
 #: What texts begin with: the functions that they may call.
 HEAD = "".join(f"declare double @{name}(double)\n" for name in OF_ONE.values())

@@ -233,11 +233,11 @@ def joint_of(pin: Pin) -> ClearanceJoint:
     if room.law == "rigid":
         wall = RigidWall(room.restitution or 0.0, room.minimum_impact_speed_m_s or 0.0)
         return ClearanceJoint(*ends, room.radial_clearance_m, room.bearing_radius_m, wall, room.friction)
-    stiffness, tiny = stiffness_of(room), room.radial_clearance_m <= sys.float_info.min
-    if not math.isfinite(stiffness):
-        field = "radial_clearance_m" if tiny else "young_modulus_Pa"
-        came = f"{getattr(room, field):g}"
-        raise OverflowError(f"{field}: expected one whose stiffness is no overflow, got {came}")
+    if not math.isfinite(stiffness := stiffness_of(room)):
+        name = "radial_clearance_m" if room.radial_clearance_m <= sys.float_info.min else "young_modulus_Pa"
+        raise OverflowError(
+            f"{name}: expected one whose stiffness is no overflow, got {getattr(room, name):g}"
+        )
     law = ContactLaw(
         stiffness,
         exponent_of(room),
