@@ -10,7 +10,7 @@ import numpy as np
 
 from reference_solver.equations import Equations
 from reference_solver.failures import DriftAmplified, EnergyNotConserved
-from reference_solver.mechanism.contacts import stored_J
+from reference_solver.mechanism import loads
 from reference_solver.mechanism.data import GROUND, Spring
 from reference_solver.mechanism.loads import Damping, Force, Load, Restoring, Torque, distance_m, potential_J
 from reference_solver.mechanism.mechanism import Mechanism
@@ -48,7 +48,7 @@ def ledger_J(run: Solution) -> FloatArray:
     for k, joint in enumerate(mechanism.contacts):
         if not joint.rigid:
             law, depth = joint.law, distance_m(joint, q) - joint.radial_clearance_m
-            stored.append(run.closed[:, k] * stored_J(law.stiffness, law.exponent, depth))
+            stored.append(run.closed[:, k] * loads.stored_J(law.stiffness, law.exponent, depth))
     lost = run.losses_J(), run.sums["removed"]
     lines = np.array([kinetic, *falls, *stored, *(-work for work in works), *lost])
     return np.asarray(lines - lines[:, :1])

@@ -37,7 +37,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 ARGUMENTS = "ptr noalias readonly %p, ptr noalias readonly %contacts, double %t, ptr noalias readonly %y"
 BINARY = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
-COMPARED = {">": "ogt", "==": "oeq"}
 #: Functions of one number and of two, by their names on tapes.
 OF_ONE = {"cos": "cos", "sin": "sin", "tanh": "tanh", "sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64"}
 OF_TWO = {"pow": "pow", "copysign": "llvm.copysign.f64"}
@@ -131,8 +130,8 @@ class FunctionText:
         if kind in BINARY:
             flag = "" if known is None else "contract "
             return self._line(f"{BINARY[kind]} {flag}double {texts[0]}, {texts[1]}")
-        if kind in COMPARED:
-            return self._line(f"fcmp {COMPARED[kind]} double {texts[0]}, {texts[1]}")
+        if kind == ">":
+            return self._line(f"fcmp ogt double {texts[0]}, {texts[1]}")
         if kind == "&":
             return self._line(f"and i1 {texts[0]}, {texts[1]}")
         if kind == "if":

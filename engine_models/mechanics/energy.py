@@ -10,8 +10,8 @@ from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contacts import exponent_of as exponent_of
 from reference_solver.mechanism.contacts import stiffness_of as stiffness_of
-from reference_solver.mechanism.contacts import stored_J
 from reference_solver.mechanism.data import GROUND, Spring
+from reference_solver.mechanism.loads import stored_J
 
 #: What lies below these, in parts of what forces do in a radian of the crank and in J, is rounding at rest.
 ROUND_OFF, LEAST_J = 1e-6, 1e-9

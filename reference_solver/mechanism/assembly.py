@@ -11,14 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from reference_solver.failures import listed
-from reference_solver.mechanism.constraints import (
-    PrescribedMotion,
-    PrescribedSlide,
-    System,
-    row_dependence,
-    row_slices,
-    system_of,
-)
+from reference_solver.mechanism import constraints
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, Line, MechanismData, Pin
 from reference_solver.mechanism.mechanism import Mechanism, along, light, mechanism_of
 from reference_solver.mechanism.points import State, line_at
@@ -67,9 +60,9 @@ class NotAssembled(ValueError):
 def rows_named(mechanism: Mechanism) -> list[tuple[str, str]]:
     """Return the name of the joint of every row with the unit of its gap, (m,)."""
     rows = list[tuple[str, str]]()
-    for k, part in enumerate(row_slices(mechanism.constraints, 3 * len(mechanism.bodies))):
+    for k, part in enumerate(constraints.row_slices(mechanism.constraints, 3 * len(mechanism.bodies))):
         constraint = mechanism.constraints[k]
-        units = ["rad" if isinstance(constraint, PrescribedMotion) else "m", "m"]
+        units = ["rad" if isinstance(constraint, constraints.PrescribedMotion) else "m", "m"]
         units[1] = "rad" if isinstance(constraint, Guide) else "m"
         rows += [(mechanism.name_of(k), unit) for unit in units[: part.stop - part.start]]
     return rows
@@ -86,8 +79,8 @@ class Joints:
         self._constraints, self.rows = mechanism.constraints, rows_named(mechanism)
         self.inverse_mass = 1.0 / mechanism.masses
 
-    def _system(self, q: FloatArray) -> System:
-        return system_of(self._constraints, State(q, self._still), self._still)
+    def _system(self, q: FloatArray) -> constraints.System:
+        return constraints.system_of(self._constraints, State(q, self._still), self._still)
 
     def gaps(self, q: FloatArray) -> FloatArray:
         """Return how far the rows are open, in m and rad, (m,)."""
@@ -100,9 +93,9 @@ class Joints:
     def told_rows(self, q: FloatArray, told: Iterable[Quantity]) -> FloatArray:
         """Return the rows that give from velocities (n,) the rates of what is told."""
         of, still = State(q, self._still), ConstantSpeed(0.0)
-        turned, moved = PrescribedMotion, PrescribedSlide
+        turned, moved = constraints.PrescribedMotion, constraints.PrescribedSlide
         drivers = [turned(it, still) if isinstance(it, int) else moved(*along(it), still) for it in told]
-        return np.asarray(system_of(drivers, of, self._still).B, float)
+        return np.asarray(constraints.system_of(drivers, of, self._still).B, float)
 
     def told(self, q: FloatArray, told: Collection[Quantity]) -> FloatArray:
         """Return the angles of bodies in rad and the ways along guides in m that are told."""
@@ -124,7 +117,7 @@ class Joints:
 
     def rank(self, q: FloatArray) -> Rank:
         """Return the rank of the rows at a position."""
-        values, shares = row_dependence(self.matrix(q), self.inverse_mass, RANK_TOLERANCE)
+        values, shares = constraints.row_dependence(self.matrix(q), self.inverse_mass, RANK_TOLERANCE)
         rank = int((values > RANK_TOLERANCE).sum())
         names = [name for name, _ in self.rows]
         nearest = names[int(shares.argmax())] if names else ""
@@ -176,7 +169,7 @@ def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
         NotAssembled: at q and v, (n,) each, one is not, by more than ``START_TOLERANCE``.
     """
     mechanism = mechanism_of(MechanismData(of.bodies, of.ideal, of.guides, drive=of.drive))
-    system, rows = system_of(mechanism.constraints, State(q, v), q), rows_named(mechanism)
+    system, rows = constraints.system_of(mechanism.constraints, State(q, v), q), rows_named(mechanism)
     gaps, speeds = np.abs(np.asarray(system.g, float)), np.abs(np.asarray(system.B @ v - system.C, float))
     if not gaps.max(initial=0.0) <= START_TOLERANCE:
         name, unit = rows[int(gaps.argmax())]

@@ -198,6 +198,12 @@ def potential_J(load: Load, q: FloatArray) -> FloatArray | None:
     return None
 
 
+def stored_J(stiffness: Array, exponent: Array, depth_m: Array) -> FloatArray:
+    """Return what an elastic force K delta^n stores, K delta^(n+1)/(n+1), at depths; 0 at negative ones."""
+    power = exponent + 1
+    return np.asarray(stiffness * np.maximum(depth_m, 0.0) ** power / power)
+
+
 def apart_m(ends: Ends, q: FloatArray) -> FloatArray:
     """Return the vector from a part's one end to the other, (s, 2), at coordinates (s, n)."""
     i, j = ends_of(ends, State(q.T, q.T))  # of all samples at once

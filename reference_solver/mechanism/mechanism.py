@@ -53,12 +53,8 @@ class Mechanism:
     @property
     def knots_by_angle(self) -> tuple[tuple[float, float, int], ...]:
         """Angles in rad at which loads are not smooth: see ``run.KNOT_RECORD``."""
-        return tuple(
-            (x, load.law.table.period, 3 * load.law.crank + 2)
-            for load in self.forces
-            if isinstance(load.law, ByAngle)
-            for x in load.law.table.knots
-        )
+        laws = [load.law for load in self.forces if isinstance(load.law, ByAngle)]
+        return tuple((x, law.table.period, 3 * law.crank + 2) for law in laws for x in law.table.knots)
 
     def name_of(self, constraint: int) -> str:
         """Return the name of a constraint, or its kind with its number."""
