@@ -135,7 +135,7 @@ class FunctionText:
         if kind == "&":
             return self._line(f"and i1 {texts[0]}, {texts[1]}")
         if kind == "if":
-            return self._line(f"select i1 {texts[1]}, double {texts[0]}, double {texts[2]}")
+            return self._line(f"select i1 {texts[0]}, double {texts[1]}, double {texts[2]}")
         if kind in ("max", "min"):
             test = self._line(f"fcmp {'ogt' if kind == 'max' else 'olt'} double {texts[1]}, {texts[0]}")
             return self._line(f"select i1 {test}, double {texts[1]}, double {texts[0]}")

@@ -76,14 +76,9 @@ class Solution:
 
 
 def solution_of(
-    run: Run,
-    mechanism: Mechanism,
-    names: list[str],
-    events: RecordArray,
-    changes: list[ModeChange],
-    took_s: float,
+    run: Run, of: Mechanism, names: list[str], events: RecordArray, changes: list[ModeChange], took_s: float
 ) -> Solution:
-    """Return what a run with a log (E,) and changes of mode gives, its sums by their names."""
+    """Return what a run of a mechanism with a log (E,) and changes of mode gives, its sums by their names."""
     samples, n, pairs, (state,) = run.samples, len(run.q), 2 * len(run.contacts), run.state
     sizes = n, n, len(names), samples.shape[1] - 2 * (n + pairs) - len(names), pairs, pairs
     ends = np.cumsum(sizes)[:-1].tolist()
@@ -95,7 +90,7 @@ def solution_of(
             happened.append(Impact(began, k, "contact", t - began, speed, impulse, nan, lost, nan, *largest))
         else:
             happened.append(Impact(t, k, KINDS[what], 0.0, speed, impulse, rubbed, lost, mass))
-    motion = mechanism, run.times, q, v, multipliers, phases.reshape(len(samples), -1, 2)
+    motion = of, run.times, q, v, multipliers, phases.reshape(len(samples), -1, 2)
     return Solution(
         *motion,
         normal_force_N=forces[:, ::2],

@@ -83,10 +83,8 @@ class Tape:
         node = Node("branch", (condition, outputs, self.scopes.pop()))
         self.scopes[-1].nodes.append(node)
         self.nodes.append(node)
-        return tuple(
-            0.0 if _is(output, 0.0) else Value(self, self._node("result", (node, k), False))
-            for k, output in enumerate(outputs)
-        )
+        results = [Value(self, self._node("result", (node, k), False)) for k in range(len(outputs))]
+        return tuple(0.0 if _is(x, 0.0) else result for x, result in zip(outputs, results, strict=True))
 
     def _node(self, operation: str, operands: tuple[Any, ...], known: bool) -> Node:
         marks = [_mark(operand) for operand in operands]
@@ -214,7 +212,7 @@ larger = _of_numbers_or_values("max", max, "Return the larger of two.")
 smaller = _of_numbers_or_values("min", min, "Return the smaller of two.")
 signed = _of_numbers_or_values("copysign", np.copysign, "Return |x| with the sign of another.")
 _both = _of_numbers_or_values("&", lambda x, y: bool(x) and bool(y), "Return whether both hold.")
-_choose = _of_numbers_or_values("if", lambda x, condition, y: x if condition else y, "Return x or y.")
+choose = _of_numbers_or_values("if", lambda holds, x, y: x if holds else y, "Return x if it holds, else y.")
 
 
 def both(x: Scalar, y: Scalar) -> Scalar:
@@ -222,11 +220,6 @@ def both(x: Scalar, y: Scalar) -> Scalar:
     if x is True or y is True:
         return y if x is True else x
     return _both(x, y)
-
-
-def choose(condition: Scalar, x: Scalar, y: Scalar) -> Scalar:
-    """Return x where a condition holds, else y."""
-    return _choose(x, condition, y)
 
 
 def when(condition: Scalar, body: Callable[[], tuple[Scalar, ...]], outputs: int) -> tuple[Scalar, ...]:
