@@ -95,7 +95,7 @@ def read_scene(scene: SomeScene, changes: Named | None = None, end: Seconds | No
     """
     values = {field: as_toml(value) for field, value in (changes or {}).items()}
     values |= {} if end is None else {"end_time_s": end}
-    own = scene if isinstance(scene, Scene) else ALL_SCENES.get(str(scene), lambda: None)()
+    own = ALL_SCENES.get(str(scene), lambda: None)() if isinstance(scene, str | Path) else scene
     if own is not None:
         return own.replace(values) if values else own
     if os.path.exists(name := str(scene)):  # pathlib's raises for a name that is too long
