@@ -26,11 +26,7 @@ _CLASSES = {
     "pymunk": ("engine_models.pymunk.engine", "PymunkEngine"),
     "scipy": ("engine_models.minimal.engine", "ScipyEngine"),
 }
-_CLASSES |= {
-    point.name: (point.module, point.attr)
-    for point in entry_points(group=GROUP)
-    if point.name not in _CLASSES
-}
+_CLASSES |= {it.name: (it.module, it.attr) for it in entry_points(group=GROUP) if it.name not in _CLASSES}
 
 #: The names of all engines that take part in studies; one that joins is among them.
 ENGINES = _CLASSES.keys()

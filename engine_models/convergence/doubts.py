@@ -4,9 +4,7 @@ And what its scene is: splines that leave the values of their tables.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,40 +15,26 @@ from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import Course, Motor, Table, Torque
 from reference_solver.mechanism.motions import curve_of
 
-if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
-
 #: A spline is warned of where it leaves its table's values by more than this part of their range.
 OVERSHOOT = 0.03
 #: A slider is in doubt where it may be off by more than this part of the smallest clearance, or the crank.
 DOUBTFUL_PART = 0.01
 
 
-@dataclass(frozen=True)
-class Overshoot:
-    """A curve's own range, ``low`` to ``high``, and where it is furthest outside of its table's values.
-
-    There it is outside by a ``part`` of their range.
-    """
-
-    low: float
-    high: float
-    at: float
-    part: float
-
-
-def overshoot(of: "PPoly", y: Sequence[float]) -> Overshoot | None:
-    """Return how a curve leaves its table's values, None up to ``OVERSHOOT`` of their range."""
+def _overshoot(table: Table, unit: str, by: str) -> str:
+    """Return in words how a spline leaves its table's values, "" up to ``OVERSHOOT`` of their range."""
+    of, low, high = curve_of(table), min(table.y), max(table.y)
     with np.errstate(all="ignore"):
         at = of.derivative().roots(extrapolate=False)
         values = of(at := at[np.isfinite(at)])
-    low, high = min(y), max(y)
     beyond = np.maximum(values - high, low - values)
     if not len(at) or beyond.max() <= OVERSHOOT * (high - low):
-        return None
+        return ""
     k, least, most = int(beyond.argmax()), min(low, values.min()), max(high, values.max())
     part = beyond[k] / (high - low) if high > low else math.inf
-    return Overshoot(float(least), float(most), float(at[k]), float(part))
+    spans = f"the spline goes from {least:.6g} to {most:.6g} {unit}"
+    furthest = f"{100 * part:.3g} % of that range beyond at {at[k]:.4g} {by} ({100 * OVERSHOOT:g} % goes unsaid)"
+    return f"{spans}, the table's values from {low:.6g} to {high:.6g} {unit}, {furthest}"
 
 
 def doubts_of_tables(scene: Scene) -> list[str]:
@@ -72,18 +56,9 @@ def doubts_of_tables(scene: Scene) -> list[str]:
             tables.append(("drive", table, "N m", "s", keeps))
         case Motor(table=Table() as table):
             tables.append(("drive", table, "N m", "rad/s", keeps))
-    lines = []
-    splines = (entry for entry in tables if entry[1].interpolation == "spline")
-    for name, table, unit, by, advice in splines:
-        spline, values = curve_of(table), table.y
-        if (beyond := overshoot(spline, values)) is not None:
-            spans = f"from {beyond.low:.6g} to {beyond.high:.6g} {unit}"
-            most = f"{100 * beyond.part:.3g} % of that range beyond at {beyond.at:.4g} {by}"
-            own = f"the table's values from {min(values):.6g} to {max(values):.6g} {unit}, {most}"
-            lines.append(
-                f"{name}: the spline goes {spans}, {own} ({100 * OVERSHOOT:g} % goes unsaid): {advice}"
-            )
-    return lines
+    splines = [entry for entry in tables if entry[1].interpolation == "spline"]
+    told = [(name, _overshoot(table, unit, by), advice) for name, table, unit, by, advice in splines]
+    return [f"{name}: {beyond}: {advice}" for name, beyond, advice in told if beyond]
 
 
 def doubts(engine: Engine, scene: Scene, run: Trajectory, settings: RunSettings | None) -> list[str]:

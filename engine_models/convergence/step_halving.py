@@ -55,11 +55,10 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
         errors.append(float(off_m.max()))
         if errors[-1] + solution.apart_m[-1] <= tolerance_m:
             return selected(run, slice(None, None, every))
-        sharpening = "a tenth of the engine's tolerance"
-        if step < scene.end_time_s:
-            sharpening = f"a step of {run.step_s:.3g} s"
+        shorter, old = step < scene.end_time_s, errors[:-STALLED_HALVINGS]
+        sharpening = f"a step of {run.step_s:.3g} s" if shorter else "a tenth of the engine's tolerance"
         trouble = f"{sharpening} leaves an error of {errors[-1]:.3g} m"
-        if step < scene.end_time_s and _stalled(errors):
+        if shorter and old and min(old) <= min(errors[-STALLED_HALVINGS:]):
             break
     raise SimulationFailed(f"{observed_in_words(scene)} not converged to {tolerance_m:g} m: {trouble}")
 
@@ -76,9 +75,3 @@ def _ever_sharper(engine: Engine, scene: Scene, compared: int) -> Iterator[tuple
     while steps <= MOST_STEPS:
         yield engine, scene.end_time_s / steps
         steps, engine = 2 * steps, engine.sharper()
-
-
-def _stalled(errors: list[float]) -> bool:
-    """Return whether errors have stopped falling."""
-    old, new = errors[:-STALLED_HALVINGS], errors[-STALLED_HALVINGS:]
-    return bool(old) and min(old) <= min(new)

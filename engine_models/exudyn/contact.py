@@ -135,7 +135,7 @@ def _touches_and_releases(motion: Motion, pin: Pin, clearance_m: float) -> tuple
     """
 
     def closed_at(time_s: FloatArray) -> NDArray[np.bool_]:
-        gap = pin_gap(pin, *motion.at(time_s)[:2]).gap_m
+        gap = pin_gap(pin, *motion.at(time_s)[:2])[0]
         return np.asarray(np.hypot(*gap.T) - clearance_m > 0)
 
     closed = closed_at(motion.time_s)

@@ -197,8 +197,7 @@ class Model:
         clearance = scene.clearances[pin.name]
         c, radius, friction = clearance.radial_clearance_m, clearance.bearing_radius_m, clearance.friction
         impact_model, restitution = native_law(clearance)
-        start = pin_gap(pin, position[None], velocity[None])
-        (gap,), (rate,) = start.gap_m, start.rate_m_s
+        (gap,), (rate,) = pin_gap(pin, position[None], velocity[None])
         distance = float(np.hypot(*gap))
         normal = gap / distance if distance > 0 else np.zeros(2)
         approach, across = normal @ rate, normal[0] * rate[1] - normal[1] * rate[0]

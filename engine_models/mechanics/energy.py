@@ -5,13 +5,14 @@ import math
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.states import ends_of, lever_m
+from engine_models.mechanics.forces import masses_of
+from engine_models.mechanics.states import lever_m
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contacts import exponent_of as exponent_of
 from reference_solver.mechanism.contacts import stiffness_of as stiffness_of
-from reference_solver.mechanism.data import GROUND, Spring
-from reference_solver.mechanism.loads import stored_J
+from reference_solver.mechanism.data import GROUND
+from reference_solver.mechanism.loads import distance_m, stored_J
 
 #: What lies below these, in parts of what forces do in a radian of the crank and in J, is rounding at rest.
 ROUND_OFF, LEAST_J = 1e-6, 1e-9
@@ -26,9 +27,7 @@ def elastic_energy_J(clearance: Clearance, penetration: FloatArray) -> FloatArra
 
 def kinetic_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:
     """Return the kinetic energy of the bodies, (n,)."""
-    bodies = scene.mechanism.bodies
-    inertia = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in bodies])
-    return np.asarray(np.sum(inertia * trajectory.velocity**2, axis=(1, 2)) / 2)
+    return np.asarray(np.sum(masses_of(scene.mechanism) * trajectory.velocity**2, axis=(1, 2)) / 2)
 
 
 def potential_energies_J(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray]:
@@ -42,7 +41,8 @@ def potential_energies_J(scene: Scene, trajectory: Trajectory) -> dict[str, Floa
     if gx or gy:
         parts["gravitational"] = -gy * (x[:, :, 1] @ masses) - gx * (x[:, :, 0] @ masses)
     if of.springs or of.torsions:
-        stored = [_spring_energy_J(spring, x) for spring in of.springs]
+        beyond_m = [distance_m(it, x.reshape(len(x), -1)) - it.free_length_m for it in of.springs]
+        stored = [it.stiffness_N_m / 2 * far**2 for it, far in zip(of.springs, beyond_m, strict=True)]
         for it in of.torsions:
             angle = x[:, it.body_j, 2] - (x[:, it.body_i, 2] if it.body_i != GROUND else 0.0)
             stored.append(it.stiffness_N_m_rad / 2 * (angle - it.free_angle_rad) ** 2)
@@ -50,12 +50,6 @@ def potential_energies_J(scene: Scene, trajectory: Trajectory) -> dict[str, Floa
     if trajectory.contacts:
         parts["elastic"] = np.sum([c.elastic_energy_J for c in trajectory.contacts.values()], axis=0)
     return parts
-
-
-def _spring_energy_J(spring: Spring, position: FloatArray) -> FloatArray:
-    i, j = ends_of(spring, position, np.zeros_like(position))
-    length = np.hypot(*(j.place_m - i.place_m).T)
-    return np.asarray(spring.stiffness_N_m / 2 * (length - spring.free_length_m) ** 2)
 
 
 def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:

@@ -149,7 +149,7 @@ def _place(load: Force | Torque, position: FloatArray, velocity: FloatArray) -> 
 def _to_contact(pin: Pin, position: FloatArray) -> FloatArray:
     """Return the way (n, 2) from the point of body j to where surfaces touch: midway in the penetration."""
     assert pin.clearance is not None
-    gap = pin_gap(pin, position, np.zeros_like(position)).gap_m
+    gap = pin_gap(pin, position, np.zeros_like(position))[0]
     distance = np.hypot(*gap.T)[:, None]
     depth = np.maximum(distance - pin.clearance.radial_clearance_m, 0.0)
     reach = pin.clearance.bearing_radius_m + depth / 2 - (0.0 if pin.bearing_on_j else distance)

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
+from engine_models.engine import FloatArray, Impacts, Trajectory
 
 #: Instants within an impact.
 POINTS = 40
@@ -56,17 +56,15 @@ def largest(time_s: FloatArray, value: FloatArray) -> tuple[float, float]:
 
 def with_largest(run: Trajectory) -> Trajectory:
     """Return a run whose impacts have their largest forces and penetrations, from its samples within them."""
-    return replace(run, contacts={joint: _with_largest(run, of) for joint, of in run.contacts.items()})
-
-
-def _with_largest(run: Trajectory, contact: Contact) -> Contact:
-    impacts = contact.impacts
-    first = np.searchsorted(run.time_s, impacts.time_s)
-    last = np.searchsorted(run.time_s, impacts.time_s + impacts.duration_s, "right")
-    found = np.full((len(first), 4), np.nan)
-    for row, begin, end in zip(found, first, last, strict=True):
-        if end - begin > 2 * BESIDE:
-            values = (contact.normal_force_N[begin:end], contact.penetration_m[begin:end])
-            row[:] = [x for value in values for x in largest(run.time_s[begin:end], value)]
-    names = [field.name for field in fields(Impacts) if field.name.startswith("largest_")]
-    return replace(contact, impacts=replace(impacts, **dict(zip(names, found.T, strict=True))))
+    names, contacts = [each.name for each in fields(Impacts) if each.name.startswith("largest_")], {}
+    for joint, of in run.contacts.items():
+        first = np.searchsorted(run.time_s, of.impacts.time_s)
+        last = np.searchsorted(run.time_s, of.impacts.time_s + of.impacts.duration_s, "right")
+        found = np.full((len(first), 4), np.nan)
+        for row, begin, end in zip(found, first, last, strict=True):
+            if end - begin > 2 * BESIDE:
+                values = (of.normal_force_N[begin:end], of.penetration_m[begin:end])
+                row[:] = [x for value in values for x in largest(run.time_s[begin:end], value)]
+        impacts = replace(of.impacts, **dict(zip(names, found.T, strict=True)))
+        contacts[joint] = replace(of, impacts=impacts)
+    return replace(run, contacts=contacts)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray, SimulationFailed, Trajectory
 from engine_models.mechanics.energy import unaccounted_part
-from engine_models.mechanics.states import off_line, pin_gap, shortest_m, turned_apart
+from engine_models.mechanics.states import pin_gap, shortest_m, way
 from engine_models.scene.scene import Scene
 
 
@@ -117,17 +117,12 @@ def constraint_violation_m(scene: Scene, trajectory: Trajectory) -> FloatArray:
 
     A body that has turned on its guide is off by its angle times the shortest distance of two joints.
     """
-    return open_by_m(scene, trajectory.position, trajectory.position[:1])
-
-
-def open_by_m(scene: Scene, position: FloatArray, start: FloatArray) -> FloatArray:
-    """Return the same in positions (n, bodies, 3) of a run from a start (1, bodies, 3)."""
-    of, x, still = scene.mechanism, position, np.zeros_like(position)
-    violations = [np.zeros(len(position))]
-    violations += [np.hypot(*pin_gap(pin, x, still).gap_m.T) for pin in of.ideal]
+    of, x, still = scene.mechanism, trajectory.position, np.zeros_like(trajectory.position)
+    angles = np.pad(x[:, :, 2], ((0, 0), (0, 1)))  # the ground's are the last
+    violations = [np.zeros(len(x)), *(np.hypot(*pin_gap(pin, x, still)[0].T) for pin in of.ideal)]
     for guide in of.guides:
-        violations.append(np.abs(off_line(guide, x, still)[0]))
+        violations.append(np.abs(way(guide, x, still, across=True)[0]))
         if not guide.turns:
-            turned = turned_apart(guide, x) - turned_apart(guide, start)
-            violations.append(shortest_m(scene) * np.abs(turned))
+            turned = angles[:, guide.body_j] - angles[:, guide.body_i]
+            violations.append(shortest_m(scene) * np.abs(turned - turned[0]))
     return np.asarray(np.max(violations, axis=0))

@@ -65,8 +65,7 @@ def _require_touches(scene: Scene, position: FloatArray, velocity: FloatArray) -
         joint, room = pin.name, scene.clearances[pin.name]
         if not damping_factor_of(room) or room.minimum_impact_speed_m_s is not None:
             continue
-        between = pin_gap(pin, position[None], velocity[None])
-        gap, rate = between.gap_m[0], between.rate_m_s[0]
+        (gap,), (rate,) = pin_gap(pin, position[None], velocity[None])
         distance = float(np.hypot(*gap))
         depth, out = distance - room.radial_clearance_m, -float(gap @ rate) / max(distance, 1e-300)
         if depth > START_TOLERANCE and out > slow:

@@ -11,11 +11,8 @@ import numpy as np
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND as GROUND
-from reference_solver.mechanism.data import Ends, MechanismData
-from reference_solver.mechanism.data import Line as Line
-from reference_solver.mechanism.data import Pin as Pin
+from reference_solver.mechanism.data import Ends, Line, MechanismData, Pin
 from reference_solver.mechanism.data import Point as Point
-from reference_solver.mechanism.data import Spring as Spring
 
 
 @dataclass(frozen=True)
@@ -25,14 +22,6 @@ class PointMotion:
     place_m: FloatArray
     rate_m_s: FloatArray
     spin_rad_s: FloatArray
-
-
-@dataclass(frozen=True)
-class JointGap:
-    """``gap_m`` (n, 2) is from the bearing's centre to the pin's."""
-
-    gap_m: FloatArray
-    rate_m_s: FloatArray
 
 
 def point_motion(body: int, point: Point, position: FloatArray, velocity: FloatArray) -> PointMotion:
@@ -55,52 +44,31 @@ def ends_of(part: Ends, position: FloatArray, velocity: FloatArray) -> tuple[Poi
     return i, point_motion(part.body_j, part.point_j, position, velocity)
 
 
-def pin_gap(pin: Pin, position: FloatArray, velocity: FloatArray) -> JointGap:
-    """Return the gap of a joint from its bearing to its pin."""
+def pin_gap(pin: Pin, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the gap of a joint from its bearing's centre to its pin's, and its rate, (n, 2) each."""
     bearing, own = ends_of(pin, position, velocity)[:: -1 if pin.bearing_on_j else 1]
-    gap, rate = own.place_m - bearing.place_m, own.rate_m_s - bearing.rate_m_s
-    return JointGap(gap, rate)
-
-
-def way(line: Line, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the way of a line's point along it and its rate, (n,) each."""
-    return _along(line, False, position, velocity)
-
-
-def off_line(line: Line, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return how far a line's point is off it, to the left, and the rate of that, (n,) each."""
-    return _along(line, True, position, velocity)
-
-
-def line_angle_rad(line: Line, position: FloatArray) -> FloatArray:
-    """Return the angle of a line, (n,)."""
-    turned = 0.0 if line.body_i == GROUND else position[:, line.body_i, 2]
-    return np.asarray(line.angle_rad + turned + np.zeros(len(position)))
+    return own.place_m - bearing.place_m, own.rate_m_s - bearing.rate_m_s
 
 
 def direction(line: Line, position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the unit vectors along a line and to its left, (n, 2) each."""
-    angle = line_angle_rad(line, position)
+    turned = 0.0 if line.body_i == GROUND else position[:, line.body_i, 2]
+    angle = line.angle_rad + turned + np.zeros(len(position))
     u = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     return u, np.stack([-u[:, 1], u[:, 0]], axis=-1)
 
 
 # s = u.d, d = p_j - p_i, u' = phi_i' n with n 90 degrees counter-clockwise of u: s' = u.d' + phi_i' n.d
-def _along(
-    line: Line, across: bool, position: FloatArray, velocity: FloatArray
+def way(
+    line: Line, position: FloatArray, velocity: FloatArray, across: bool = False
 ) -> tuple[FloatArray, FloatArray]:
+    """Return the way of a line's point along it, or how far it is off it to the left, and the rate, (n,)."""
     i, j = ends_of(line, position, velocity)
     u, n = direction(line, position)
     if across:
         u, n = n, -u
     d, rate = j.place_m - i.place_m, j.rate_m_s - i.rate_m_s
     return np.sum(u * d, axis=1), np.sum(u * rate, axis=1) + i.spin_rad_s * np.sum(n * d, axis=1)
-
-
-def turned_apart(line: Line, position: FloatArray) -> FloatArray:
-    """Return the angle of a line's body j against body i, (n,)."""
-    angles = (0.0 if body == GROUND else position[:, body, 2] for body in (line.body_j, line.body_i))
-    return np.asarray(next(angles) - next(angles))
 
 
 def turns_of(of: MechanismData, angle: FloatArray) -> FloatArray:

@@ -103,7 +103,7 @@ class Forces(Numbers):
         eq.act(self.p, np.ascontiguousarray(time_s), flat(position), flat(velocity), phases, F, told, powers)
         at, place, states = eq.OF_CONTACT * len(loose), eq.OF_SUMS * len(loose), dict[str, ContactStates]()
         for k, pin in enumerate(loose):
-            gap, c = pin_gap(pin, position, np.zeros_like(position)).gap_m, self.contacts[k, eq.C]
+            gap, c = pin_gap(pin, position, np.zeros_like(position))[0], self.contacts[k, eq.C]
             normal, friction, _, rate, *_ = told[:, eq.OF_CONTACT * k : eq.OF_CONTACT * (k + 1)].T
             losses = powers[:, eq.OF_SUMS * k + 1 : eq.OF_SUMS * (k + 1)].T
             distance = np.hypot(*gap.T)

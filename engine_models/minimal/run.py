@@ -102,7 +102,7 @@ class Recording:
         for k, pin in enumerate(of.loose):
             wall, room = model.contacts[k], pin.clearance
             assert room is not None
-            gap = pin_gap(pin, position, np.zeros_like(position)).gap_m
+            gap = pin_gap(pin, position, np.zeros_like(position))[0]
             depth, power = np.hypot(*gap.T) - wall[eq.C], wall[eq.N] + 1
             first, rubs = model.first + eq.OF_CONTACT * k, room.friction is not None
             contacts[pin.name] = Contact(

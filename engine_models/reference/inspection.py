@@ -4,19 +4,16 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
-from engine_models.engine import ImpossibleStart, RunSettings, Trajectory
+from engine_models.engine import FloatArray, ImpossibleStart, RunSettings, Trajectory
 from engine_models.mechanics.start import checked_start
 from engine_models.mechanics.states import point_motion
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.assembly import Joints, Rank, dependence
 from reference_solver.mechanism.data import GROUND
-
-FloatArray = NDArray[np.float64]
 
 #: Samples of the run at which the rows are looked at, and its tolerance.
 SAMPLES, TOLERANCE = 200, 1e-8
@@ -46,12 +43,8 @@ def inspect(scene: Scene) -> list[str]:
 
 def _size(scene: Scene, rank: Rank) -> str:
     of = scene.mechanism
-    counts = {
-        "body": len(of.bodies),
-        "joint": len(of.pins),
-        "guide": len(of.guides),
-        "spring": len(of.springs) + len(of.torsions),
-    }
+    springs = of.springs + of.torsions
+    counts = {"body": len(of.bodies), "joint": len(of.pins), "guide": len(of.guides), "spring": len(springs)}
     parts = ", ".join(_counted(count, name) for name, count in counts.items() if count)
     loose = f" (with {', '.join(scene.clearances)} taken as ideal)" if of.loose else ""
     rows = f"{rank.rows} rows of rank {rank.rank}{loose}"

@@ -9,7 +9,7 @@ up at higher ones, so that what this does to the motion is seen as well.
 
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
@@ -64,11 +64,13 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
     sharp = min(LOOSEST, max(SHARPEST, FIRST_PART * part))
     # The usual turn in a step, but for no tolerance so small that the first step is below round-off.
     step, best = TURN_OF_STEP_RAD / rate_s(scene) * (max(part, SHARPEST) / USUAL_ERROR) ** 0.25, np.inf
-    dop853 = cache(partial(_by_control, "dop853", scene, samples))
+    end_s, run = scene.end_time_s, partial(_run, scene, samples)
+    dop853 = cache(lambda sharp: run(end_s, method="dop853", step_tolerance=sharp, lowest_flight=LOWEST_FLIGHT))
     failure = SimulationFailed("no two methods came to the end")
     for attempt in range(MOST_ATTEMPTS):
-        others = [partial(_by_rk4, scene, samples, step)]
-        others += [partial(_by_control, "dopri5", scene, samples, LESS_SHARP * sharp)] * (attempt > 0)
+        others = [partial(run, min(step, end_s), lowest_flight=HIGHER, max_steps=MOST_STEPS)]
+        dopri5 = {"method": "dopri5", "step_tolerance": LESS_SHARP * sharp, "lowest_flight": HIGHER}
+        others += [partial(run, end_s, **dopri5)] * (attempt > 0)
         sharper, apart = max(SHARPEST, SHARPER * sharp), list[float]()
         for other in others:
             if apart and apart[0] < np.inf and min(best, apart[0]) > NEAR * tolerance_m:
@@ -89,7 +91,7 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
             break
         best, sharp = min(best, apart[0]), sharper
         step /= min(LARGEST_CUT, max(LEAST_CUT, 1.5 * (apart[0] / tolerance_m) ** 0.25))
-        if scene.end_time_s > MOST_STEPS * step:
+        if end_s > MOST_STEPS * step:
             break
     raise failure
 
@@ -102,14 +104,5 @@ def _parted(found: Solution, tolerance_m: float) -> SimulationFailed:
     )
 
 
-def _by_rk4(scene: Scene, samples: int, step_s: float) -> Trajectory:
-    engine = ReferenceEngine(lowest_flight=HIGHER, max_steps=MOST_STEPS)
-    return engine.simulate(scene, RunSettings(min(step_s, scene.end_time_s), samples))
-
-
-def _by_control(
-    method: Literal["dop853", "dopri5"], scene: Scene, samples: int, tolerance: float
-) -> Trajectory:
-    lowest = HIGHER if method == "dopri5" else LOWEST_FLIGHT
-    engine = ReferenceEngine(method=method, step_tolerance=tolerance, lowest_flight=lowest)
-    return engine.simulate(scene, RunSettings(scene.end_time_s, samples))
+def _run(scene: Scene, samples: int, step_s: float, **settings: Any) -> Trajectory:
+    return ReferenceEngine(**settings).simulate(scene, RunSettings(step_s, samples))

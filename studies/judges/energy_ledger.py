@@ -9,7 +9,7 @@ import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.energy import potential_energies_J
-from engine_models.mechanics.states import off_line, pin_gap
+from engine_models.mechanics.states import pin_gap, way
 from engine_models.scene.scene import Scene
 from studies.judges.metrics import kinetic_energy_J
 
@@ -58,6 +58,6 @@ def constraint_speed_m_s(scene: Scene, run: Trajectory) -> FloatArray:
     counts, not its length's rate: a gap that turns without growing has a speed too.
     """
     of, states = scene.mechanism, (run.position, run.velocity)
-    speeds = [np.hypot(*pin_gap(pin, *states).rate_m_s.T) for pin in of.ideal]
-    speeds += [np.abs(off_line(guide, *states)[1]) for guide in of.guides]
+    speeds = [np.hypot(*pin_gap(pin, *states)[1].T) for pin in of.ideal]
+    speeds += [np.abs(way(guide, *states, across=True)[1]) for guide in of.guides]
     return np.asarray(np.max(speeds, axis=0)) if speeds else np.zeros(len(run.time_s))
