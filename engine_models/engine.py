@@ -15,13 +15,10 @@ from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
 
 FloatArray = NDArray[np.float64]
-
 #: Validation of an engine's settings, for ``pydantic.dataclasses.dataclass(frozen=True, config=...)``.
-SETTINGS_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
-
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 #: The most of one run, on the command line as well.
 MOST_SAMPLES = 100_000
-
 #: Times that are so near to an equally spaced one, as a part of the interval, are that one.
 ROUNDING = 1e-9
 

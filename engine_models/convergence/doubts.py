@@ -33,8 +33,9 @@ def _overshoot(table: Table, unit: str, by: str) -> str:
     k, least, most = int(beyond.argmax()), min(low, values.min()), max(high, values.max())
     part = beyond[k] / (high - low) if high > low else math.inf
     spans = f"the spline goes from {least:.6g} to {most:.6g} {unit}"
-    furthest = f"{100 * part:.3g} % of that range beyond at {at[k]:.4g} {by} ({100 * OVERSHOOT:g} % goes unsaid)"
-    return f"{spans}, the table's values from {low:.6g} to {high:.6g} {unit}, {furthest}"
+    furthest = f"{100 * part:.3g} % of that range beyond at {at[k]:.4g} {by}"
+    own = f"the table's values from {low:.6g} to {high:.6g} {unit}, {furthest}"
+    return f"{spans}, {own} ({100 * OVERSHOOT:g} % goes unsaid)"
 
 
 def doubts_of_tables(scene: Scene) -> list[str]:

@@ -11,14 +11,13 @@ import pydantic
 from pydantic import Field
 
 from engine_models.engine import (
-    SETTINGS_CONFIG,
+    STRICT,
     BareRun,
     Engine,
     EngineFailed,
     RunSettings,
     Trajectory,
     UnsupportedScene,
-    require_finite,
 )
 from engine_models.exudyn.contact import native_twin
 from engine_models.exudyn.tree import why_no_tree
@@ -36,7 +35,7 @@ BYTES_PER_STEP, BYTES_PER_STEP_WITH_CONTACT = 550, 5_000
 SHARPEST = 1e-14
 
 
-@pydantic.dataclasses.dataclass(frozen=True, config=SETTINGS_CONFIG)
+@pydantic.dataclasses.dataclass(frozen=True, config=STRICT)
 class ExudynEngine(Engine):
     """Exudyn's solvers on a scene, implicit and explicit; their defaults are its best practice.
 
@@ -118,7 +117,7 @@ class ExudynEngine(Engine):
         if self.solver_of(scene) != "DOPRI5":
             require_followed(scene, settings.step_used_s(scene.end_time_s))
         try:
-            return unwound(scene, require_finite(_runs().exudyn_run(self, scene, settings)))
+            return unwound(scene, _runs().exudyn_run(self, scene, settings))
         except EngineFailed as failure:
             if self.solver_of(scene) != "TrapezoidalIndex2":
                 raise

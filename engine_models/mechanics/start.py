@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine_models.engine import FloatArray, ImpossibleStart, Trajectory
+from engine_models.engine import FloatArray, ImpossibleStart, Trajectory, require_finite
 from engine_models.mechanics.states import pin_gap, turns_of
 from engine_models.scene.scene import Scene, held_at_start
 from reference_solver.mechanism.contacts import damping_factor_of
@@ -78,6 +78,6 @@ def _require_touches(scene: Scene, position: FloatArray, velocity: FloatArray) -
 
 
 def unwound(scene: Scene, trajectory: Trajectory) -> Trajectory:
-    """Return a run from ``checked_start`` with the scene's own turns in the bodies' angles again."""
-    trajectory.position[...] += _turns(scene, start_state(scene)[0])
+    """Return a run from ``checked_start``, if finite, with the scene's own turns in angles again."""
+    require_finite(trajectory).position[...] += _turns(scene, start_state(scene)[0])
     return trajectory

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as settings_class
 
-from engine_models.engine import SETTINGS_CONFIG, BareRun, Engine, RunSettings, Trajectory, UnsupportedScene
+from engine_models.engine import STRICT, BareRun, Engine, RunSettings, Trajectory, UnsupportedScene
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Model, damping_of, wall_of
 from engine_models.minimal.run import Choice, solve
@@ -22,7 +22,7 @@ ROOM = 1e-9
 LOOKS = 1000
 
 
-@settings_class(frozen=True, config=SETTINGS_CONFIG)
+@settings_class(frozen=True, config=STRICT)
 class ScipyEngine(Engine):
     """Settings of SciPy's integrators: the ``method``; ``rtol`` and ``atol``, the tolerances of a step.
 

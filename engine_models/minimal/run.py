@@ -15,21 +15,13 @@ import numpy as np
 import scipy.integrate
 from scipy.optimize import brentq
 
-from engine_models.engine import (
-    Contact,
-    EngineFailed,
-    FloatArray,
-    Impacts,
-    RunSettings,
-    SimulationFailed,
-    Trajectory,
-)
+from engine_models.engine import Contact, EngineFailed, Impacts, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.states import pin_gap
 from engine_models.mechanics.trajectory import reactions_of
 from engine_models.minimal import equations as eq
 from engine_models.minimal.equations import CLIPPED, FLIGHT, PUSHED
-from engine_models.minimal.model import STEEP, Model, Numbers
+from engine_models.minimal.model import STEEP, FloatArray, Model, Numbers
 from engine_models.minimal.rigid import settle
 from engine_models.scene.scene import Scene
 from engine_models.watch import Pace, tell

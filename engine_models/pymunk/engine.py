@@ -11,15 +11,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import (
-    SETTINGS_CONFIG,
-    BareRun,
-    Engine,
-    RunSettings,
-    Trajectory,
-    UnsupportedScene,
-    require_finite,
-)
+from engine_models.engine import STRICT, BareRun, Engine, RunSettings, Trajectory, UnsupportedScene
 from engine_models.mechanics.start import checked_start, unwound
 from engine_models.minimal.forces import require_family
 from engine_models.pymunk import kicks
@@ -34,7 +26,7 @@ from engine_models.watch import require_followed, require_memory
 Count = Annotated[int, Field(gt=0, lt=2**31)]
 
 
-@dataclass(frozen=True, config=SETTINGS_CONFIG)
+@dataclass(frozen=True, config=STRICT)
 class PymunkEngine(Engine):
     """Settings of the Pymunk model; the defaults are its best practice.
 
@@ -132,7 +124,7 @@ class PymunkEngine(Engine):
             loop = self._loop(twin, settings)
             record = Record(twin, loop)
             loop.run(record.every_step, record.take)
-            return unwound(scene, require_finite(record.trajectory(loop.solve_time_s)))
+            return unwound(scene, record.trajectory(loop.solve_time_s))
 
     def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
         """Return the same steps, of which works and forces need nothing.

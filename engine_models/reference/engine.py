@@ -7,27 +7,14 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from engine_models.engine import (
-    SETTINGS_CONFIG,
-    Engine,
-    EngineFailed,
-    RunSettings,
-    Trajectory,
-    UnsupportedScene,
-    require_finite,
-)
+from engine_models.engine import STRICT, Engine, EngineFailed, RunSettings, Trajectory, UnsupportedScene
 from engine_models.mechanics.start import unwound
 from engine_models.reference.run import TURN_OF_STEP_RAD, rate_s, reference_run
 from engine_models.scene.scene import Scene
 from engine_models.watch import MOST_STEPS, require_followed, require_memory
 from reference_solver.equations import Baumgarte
 from reference_solver.failures import SolverError
-from reference_solver.solver import (
-    FEWEST_STEPS_PER_CONTACT,
-    LOWEST_FLIGHT,
-    ErrorControl,
-    StepChoice,
-)
+from reference_solver.solver import FEWEST_STEPS_PER_CONTACT, LOWEST_FLIGHT, ErrorControl, StepChoice
 
 #: With so many, of order 4, a contact is in error by round-off.
 MOST_STEPS_PER_CONTACT = 1e4
@@ -35,7 +22,7 @@ MOST_STEPS_PER_CONTACT = 1e4
 SHARPEST, LOOSE = 1e-14, 1e-6
 
 
-@dataclass(frozen=True, config=SETTINGS_CONFIG)
+@dataclass(frozen=True, config=STRICT)
 class ReferenceEngine(Engine):
     """Settings of the reference solver.
 
@@ -129,7 +116,7 @@ class ReferenceEngine(Engine):
             with np.errstate(all="ignore"):  # require_finite is the judge
                 choice = self.step_choice(scene, settings)
                 run = reference_run(scene, settings, choice, stabilisation, self.max_steps)
-                return unwound(scene, require_finite(run))
+                return unwound(scene, run)
         except SolverError as error:
             raise EngineFailed(str(error)) from error
         except OverflowError:  # Python's own numbers raise where NumPy's become infinite

@@ -65,7 +65,7 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
     # The usual turn in a step, but for no tolerance so small that the first step is below round-off.
     step, best = TURN_OF_STEP_RAD / rate_s(scene) * (max(part, SHARPEST) / USUAL_ERROR) ** 0.25, np.inf
     end_s, run = scene.end_time_s, partial(_run, scene, samples)
-    dop853 = cache(lambda sharp: run(end_s, method="dop853", step_tolerance=sharp, lowest_flight=LOWEST_FLIGHT))
+    dop853 = cache(lambda at: run(end_s, method="dop853", step_tolerance=at, lowest_flight=LOWEST_FLIGHT))
     failure = SimulationFailed("no two methods came to the end")
     for attempt in range(MOST_ATTEMPTS):
         others = [partial(run, min(step, end_s), lowest_flight=HIGHER, max_steps=MOST_STEPS)]
