@@ -54,7 +54,6 @@ GENERALIZED_ALPHA_09 = Arm(
 RK44 = Arm("exudyn", "RK44", {"solver": "RK44"})
 DOPRI5 = Arm("exudyn", "DOPRI5", {"solver": "DOPRI5"}, ("step_tolerance",))
 
-
 #: Pymunk at its best, and with all that a user who sets nothing has; its contacts as the scene's law has
 #: them, in steps of one length and in steps shorter there, and as Pymunk has them.
 TUNED = Arm("pymunk", "tuned")

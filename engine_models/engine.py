@@ -295,16 +295,10 @@ class Engine(ABC):
 
 def require_finite(trajectory: Trajectory) -> Trajectory:
     """Return the trajectory, or raise SimulationFailed naming the first time with a non-finite number."""
-    n = len(trajectory.time_s)
-    arrays = (
-        trajectory.position,
-        trajectory.velocity,
-        *trajectory.joint_force_N.values(),
-        trajectory.driver_torque_N_m,
-        trajectory.driver_work_J,
-        *trajectory.load_work_J.values(),
-    )
-    finite = np.all([np.isfinite(a).reshape(n, -1).all(axis=1) for a in arrays if a is not None], axis=0)
+    n, of = len(trajectory.time_s), trajectory
+    arrays = [of.position, of.velocity, *of.joint_force_N.values(), *of.load_work_J.values()]
+    arrays += [a for a in (of.driver_torque_N_m, of.driver_work_J) if a is not None]
+    finite = np.all([np.isfinite(a).reshape(n, -1).all(axis=1) for a in arrays], axis=0)
     if not finite.all():
         when = trajectory.time_s[int(np.argmin(finite))]
         raise SimulationFailed(f"non-finite state at t = {when:.6g} s with step {trajectory.step_s:.3g} s")

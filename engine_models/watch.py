@@ -123,6 +123,5 @@ def listener() -> Listener | None:
 
 def tell(time_s: float) -> None:
     """Tell the listener, if there is one."""
-    listening = listener()
-    if listening is not None:
+    if (listening := listener()) is not None:
         listening(time_s)

@@ -36,15 +36,13 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
         UnsupportedScene: the engine cannot express the scene.
         SimulationFailed: the tolerance is out of reach, or no step gives a run.
     """
-    twin, every = engine.twin(scene), -(-FEWEST_SAMPLES // samples)
+    twin, every, what = engine.twin(scene), -(-FEWEST_SAMPLES // samples), observed_in_words(scene)
     compared, errors, trouble = samples * every, list[float](), "no step gives a run"
     to_agree_m = PART_OF_JUDGE * tolerance_m or tolerance_m  # half of the least number is none
     try:
         solution = agreed_solution(twin, to_agree_m, compared)
     except SimulationFailed as failure:
-        raise SimulationFailed(
-            f"{observed_in_words(scene)} not known to {tolerance_m:g} m: {failure}"
-        ) from None
+        raise SimulationFailed(f"{what} not known to {tolerance_m:g} m: {failure}") from None
     for present, step in _ever_sharper(engine, scene, compared):
         try:
             run = require_quality(scene, present.simulate(scene, RunSettings(step, compared)))
@@ -60,7 +58,7 @@ def simulate_to_tolerance(engine: Engine, scene: Scene, tolerance_m: float, samp
         trouble = f"{sharpening} leaves an error of {errors[-1]:.3g} m"
         if shorter and old and min(old) <= min(errors[-STALLED_HALVINGS:]):
             break
-    raise SimulationFailed(f"{observed_in_words(scene)} not converged to {tolerance_m:g} m: {trouble}")
+    raise SimulationFailed(f"{what} not converged to {tolerance_m:g} m: {trouble}")
 
 
 def _ever_sharper(engine: Engine, scene: Scene, compared: int) -> Iterator[tuple[Engine, float]]:

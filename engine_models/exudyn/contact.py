@@ -74,12 +74,6 @@ def _native(name: str, clearance: Clearance) -> Clearance:
     return clearance.model_copy(update=changed)
 
 
-def contact_states(forces: Forces, motion: Motion, time_s: FloatArray) -> dict[str, ContactStates]:
-    """Return all contacts at times (n,) of a motion."""
-    position, velocity, _ = motion.at(time_s)
-    return forces.act(time_s, position, velocity, approach_m_s=motion.approach_m_s(time_s)).contacts
-
-
 def contact_record(
     forces: Forces, motion: Motion, pin: Pin, clearance: Clearance, time_s: FloatArray
 ) -> Contact:
@@ -90,7 +84,8 @@ def contact_record(
     """
 
     def states(at: FloatArray) -> ContactStates:
-        return contact_states(forces, motion, at)[pin.name]
+        acting = forces.act(at, *motion.at(at)[:2], approach_m_s=motion.approach_m_s(at))
+        return acting.contacts[pin.name]
 
     def powers(at: FloatArray) -> FloatArray:
         of = states(at)
@@ -109,8 +104,7 @@ def contact_record(
         np.reshape([largest(*each) for each in zip(inside, np.split(of, ends), strict=False)], (-1, 2)).T
         for of in (within.normal_force_N, within.penetration_m)
     ]
-    sampled = states(time_s)
-    rubs = clearance.friction is not None
+    sampled, rubs = states(time_s), clearance.friction is not None
     return Contact(
         gap_m=sampled.gap_m,
         penetration_m=sampled.penetration_m,

@@ -95,11 +95,7 @@ class ExudynEngine(Engine):
         return replace(self, step_tolerance=max(self.step_tolerance / 10, SHARPEST))
 
     def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
-        """Return the solve with nothing recorded but its ends.
-
-        Raises:
-            UnsupportedScene, SimulationFailed: as ``simulate`` does.
-        """
+        """Return the solve with nothing recorded but its ends."""
         self.check(scene)
         run: BareRun = _runs().bare_run(self, scene, settings)
         return run

@@ -53,10 +53,8 @@ class Model:
         self._nodes, self._carriers = list[Any](), list[Any]()
         driven = self._driven() if self.of.drive.prescribes else None
         for number, branch in enumerate(self.branches):
-            inertias = [
-                self.of.bodies[link.body].inertia_kg_m2 if link.body is not None else 0.0
-                for link in branch.links
-            ]
+            bodies = [None if link.body is None else self.of.bodies[link.body] for link in branch.links]
+            inertias = [body.inertia_kg_m2 if body else 0.0 for body in bodies]
             if tree and self.of.drive.guide is None and driven is not None and driven[0] == number:
                 inertias[driven[1]] += HEAVY
             add = self._add_tree if branch.kind == "tree" else self._add_single
@@ -121,14 +119,9 @@ class Model:
     def _add_tree(self, branch: Branch, inertias: list[float]) -> tuple[Any, Any]:
         """Add a tree; return its node and its object."""
         links, count = branch.links, len(branch.links)
-        node = self.mbs.AddNode(
-            items.NodeGenericODE2(
-                referenceCoordinates=branch.start,
-                initialCoordinates=[0.0] * count,
-                initialCoordinates_t=branch.rates,
-                numberOfODE2Coordinates=count,
-            )
-        )
+        state = {"referenceCoordinates": branch.start, "initialCoordinates_t": branch.rates}
+        at_zero = {"initialCoordinates": [0.0] * count, "numberOfODE2Coordinates": count}
+        node = self.mbs.AddNode(items.NodeGenericODE2(**state, **at_zero))
         matrices: Any = exu.Matrix3DList  # their constructors carry no arguments
         vectors: Any = exu.Vector3DList
         masses = [0.0 if link.body is None else self.of.bodies[link.body].mass_kg for link in links]
@@ -159,15 +152,13 @@ class Model:
         """Add markers at the point of body j and at that of body i."""
         return [self._marker(between.body_j, between.point_j), self._marker(between.body_i, between.point_i)]
 
-    def _coordinate(self, branch: int, link: int) -> Any:
-        """Add a marker of a coordinate."""
-        marker = items.MarkerNodeCoordinate(nodeNumber=self._nodes[branch], coordinate=link)
-        return self.mbs.AddMarker(marker)
+    def _coordinate(self, node: Any, coordinate: int = 0) -> Any:
+        """Add a marker of a coordinate of a node."""
+        return self.mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
 
     def _still(self) -> Any:
         """Add a marker of a coordinate of the ground."""
-        node = self.mbs.AddNode(items.NodePointGround())
-        return self.mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
+        return self._coordinate(self.mbs.AddNode(items.NodePointGround()))
 
     def _constrain(self, guide: Guide, position: FloatArray) -> None:
         """Add the constraint of a guide, which keeps its body's angle at the start, (bodies, 3).
@@ -245,9 +236,9 @@ class Model:
                     spring["offset"] += free
                 item = items.ObjectConnectorTorsionalSpringDamper(**spring)
             elif coordinate is not None:
-                branch = self.branches[coordinate[0]]
-                sign = -1.0 if branch.links[coordinate[1]].body == i else 1.0
-                at, free = self._coordinate(*coordinate), sign * free - branch.start[coordinate[1]]
+                branch, node, link = self.branches[coordinate[0]], self._nodes[coordinate[0]], coordinate[1]
+                sign = -1.0 if branch.links[link].body == i else 1.0
+                at, free = self._coordinate(node, link), sign * free - branch.start[link]
                 if constant:
                     self.mbs.AddLoad(items.LoadCoordinate(markerNumber=at, load=sign * constant))
                 spring = {"stiffness": stiffness, "damping": damper, "offset": free}
@@ -293,9 +284,8 @@ class Model:
 
         force(self.mbs, 0.0, 0, 0.0 * start, 0.0 * start)  # compiled before the run
         nodes, mass = [self._nodes[branch] for branch in used], np.zeros((len(start), len(start)))
-        self.mbs.AddObject(
-            items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=mass, forceUserFunction=force)
-        )
+        loads = items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=mass, forceUserFunction=force)
+        self.mbs.AddObject(loads)
 
     def _add_drive(self, tree: bool, branch: int, link: int) -> None:
         """Add what prescribes a speed: a constraint of the absolute model, in a tree a flywheel's torque.
@@ -308,7 +298,7 @@ class Model:
         every entry: there the mass has all of the speed, by a force of time.
         """
         drive, mbs, motion = self.of.drive, self.mbs, self.forces.motion
-        driven, by_table = self._coordinate(branch, link), isinstance(drive.law, Course)
+        driven, by_table = self._coordinate(self._nodes[branch], link), isinstance(drive.law, Course)
         _, speed, acceleration = motion(np.zeros(1))[:, 0].tolist()
 
         def push(_: exu.MainSystem, t: float, __: float) -> float:
@@ -330,7 +320,7 @@ class Model:
         else:
             node = mbs.AddNode(items.Node1D(initialVelocities=[speed if by_table else 0.0]))
             mbs.AddObject(items.ObjectMass1D(mass=HEAVY, nodeNumber=node))
-            other = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
+            other = self._coordinate(node)
             load = {"loadUserFunction": push} if by_table else {"load": HEAVY * acceleration}
             mbs.AddLoad(items.LoadCoordinate(markerNumber=other, **load))
             beside = {} if by_table else {"offsetUserFunction_t": rest}

@@ -22,7 +22,6 @@ class ContactStates:
     friction_force_N: FloatArray
     rate_m_s: FloatArray
     normal_loss_W: FloatArray
-    clipped_loss_W: FloatArray
     friction_loss_W: FloatArray
 
 

@@ -31,8 +31,8 @@ ZERO = 1e-15
 class Acting:
     """What acts in n states: ``on_bodies`` (n, bodies, 3) has all forces and torques but reactions.
 
-    ``torque_N_m`` (n,) is that of a drive that prescribes no motion. ``powers_W`` has those of loads whose
-    works are integrals over time, by the names of ``Trajectory.load_work_J``.
+    ``torque_N_m`` (n,) is that of a drive that prescribes no motion. ``powers_W`` has those of loads by the
+    names of ``Trajectory.load_work_J``.
     """
 
     on_bodies: FloatArray
@@ -62,7 +62,9 @@ class Forces(Numbers):
     """
 
     def __init__(self, scene: Scene) -> None:
-        super().__init__(scene.mechanism, np.zeros(3 * len(scene.mechanism.bodies)), _damping_of)
+        q, factors = np.zeros(3 * len(scene.mechanism.bodies)), DAMPING_FACTORS
+        # A law that somebody adds has no factor: it is known to the reference alone.
+        super().__init__(scene.mechanism, q, lambda law, e: factors[law](e) if law in factors else 0.0)
         self._short = "slider." if scene.is_short else ""
         self.integrated = tuple(integrals_of(scene).values())
 
@@ -105,13 +107,12 @@ class Forces(Numbers):
         for k, pin in enumerate(loose):
             gap, c = pin_gap(pin, position, np.zeros_like(position))[0], self.contacts[k, eq.C]
             normal, friction, _, rate, *_ = told[:, eq.OF_CONTACT * k : eq.OF_CONTACT * (k + 1)].T
-            losses = powers[:, eq.OF_SUMS * k + 1 : eq.OF_SUMS * (k + 1)].T
+            losses = powers[:, eq.OF_SUMS * k + 1 : eq.OF_SUMS * (k + 1) : 2].T  # normal and friction
             distance = np.hypot(*gap.T)
             rate_m_s = rate * c / np.maximum(distance, np.finfo(float).tiny)
             states[pin.name] = ContactStates(gap, distance - c, normal, friction, rate_m_s, *losses)
         torque = told[:, at + self.parts.index("driver")] if "driver" in self.parts else None
         works = {name.removeprefix(self._short): powers[:, place + k] for k, name in enumerate(self.parts)}
-        works = {name: works[name] for name in self.integrated if name in works}
         return Acting(F.reshape(n, bodies, 3), torque, works, states)
 
     def reactions(
@@ -135,11 +136,6 @@ class Forces(Numbers):
         except np.linalg.LinAlgError:  # the shortest where one is singular
             multipliers = (np.linalg.pinv(matrix, ZERO, hermitian=True) @ right)[..., 0]
         return reactions_of(self.of, multipliers, contacts, acting.torque_N_m)
-
-
-def _damping_of(law: str, e: float) -> float:
-    """Return the factor a of a law; a law that somebody adds is known to the reference alone."""
-    return DAMPING_FACTORS[law](e) if law in DAMPING_FACTORS else 0.0
 
 
 def flat(states: FloatArray) -> FloatArray:

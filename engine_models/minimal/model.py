@@ -214,10 +214,8 @@ class Numbers:
     def _parts(self) -> Iterator[tuple[str, list[float]]]:
         """Yield the parts of loads by name."""
         for load in self.of.loads:
-            along, turn = (
-                [eq.LINE, *_line(load.line)] if load.line else [],
-                [eq.TURN, *GROUND, load.body, 0.0, 0.0, 0.0],
-            )
+            along = [eq.LINE, *_line(load.line)] if load.line else []
+            turn = [eq.TURN, *GROUND, load.body, 0.0, 0.0, 0.0]
             gas, angle = load.gas, -1 if load.gas is None else 3 * load.gas.body + 2
             by_angle = {eq.BY_ANGLE: self._over(angle, gas.table), eq.OF_BODY: gas.body} if gas else {}
             spring = {eq.SPRING: load.spring_N_m, eq.FREE: load.free_position_m}

@@ -97,6 +97,7 @@ class Recording:
             gap = pin_gap(pin, position, np.zeros_like(position))[0]
             depth, power = np.hypot(*gap.T) - wall[eq.C], wall[eq.N] + 1
             first, rubs = model.first + eq.OF_CONTACT * k, room.friction is not None
+            clips = wall[eq.A] > 0 and not room.may_pull
             contacts[pin.name] = Contact(
                 gap_m=gap,
                 penetration_m=depth,
@@ -106,9 +107,7 @@ class Recording:
                 normal_impulse_N_s=sums[pin.name, "normal_impulse_N_s"],
                 normal_loss_J=sums[pin.name, "normal_loss_J"],
                 friction_loss_J=sums[pin.name, "friction_loss_J"] if rubs else None,
-                clipped_loss_J=sums[pin.name, "clipped_loss_J"]
-                if wall[eq.A] > 0 and not room.may_pull
-                else None,
+                clipped_loss_J=sums[pin.name, "clipped_loss_J"] if clips else None,
                 impacts=Impacts(*np.reshape(sorted(self.impacts[k]), (-1, 9)).T),
             )
         multipliers = told[:, 2 * size : 2 * size + model.rows]

@@ -127,11 +127,7 @@ class PymunkEngine(Engine):
             return unwound(scene, record.trajectory(loop.solve_time_s))
 
     def bare_run(self, scene: Scene, settings: RunSettings) -> BareRun:
-        """Return the same steps, of which works and forces need nothing.
-
-        Raises:
-            UnsupportedScene, SimulationFailed: as ``simulate`` does.
-        """
+        """Return the same steps, of which works and forces need nothing."""
         twin = self.twin(scene)
         with np.errstate(all="ignore"):
             loop = self._loop(twin, settings)

@@ -53,11 +53,8 @@ class Loop:
         self._motion = np.zeros((3, size))
         self.q, self.v, self.a = self._motion
         rooms = [scene.clearances[pin.name] for pin in forces.of.loose]
-        self.native = {
-            k: NativeContact(model, k, forces.of.loose[k], room)
-            for k, room in enumerate(rooms)
-            if room.law == "rigid"
-        }
+        rigid = ((k, forces.of.loose[k], room) for k, room in enumerate(rooms) if room.law == "rigid")
+        self.native = {k: NativeContact(model, k, pin, room) for k, pin, room in rigid}
         self._changes = changes_speed(forces.of)
         driven = model.bodies[forces.of.drive.body]
         self._driven, self._begin_at, self._begin_rad = driven, driven.position, driven.angle

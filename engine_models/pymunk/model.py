@@ -170,9 +170,8 @@ def _pivot(of: MechanismData, body: int, still: set[int], rotors: bool) -> Pin |
         return pins[0] if of.drive.guide is None else None
     lines = [guide for guide in of.guides if body in (guide.body_i, guide.body_j)]
     for guide in lines:
-        name, on = of.bodies[guide.body_j].name, "the ground"
-        if guide.body_i != GROUND:
-            on = of.bodies[guide.body_i].name
+        name = of.bodies[guide.body_j].name
+        on = "the ground" if guide.body_i == GROUND else of.bodies[guide.body_i].name
         if guide.turns:
             raise UnsupportedScene(
                 f"pymunk: expected guide {guide.name} to keep {name} from turning on {on}, got turns = true: "

@@ -131,9 +131,8 @@ class ReferenceEngine(Engine):
             SingularConfiguration, SimulationFailed: as ``rate_s`` does; steps are too long for the driver.
         """
         if self.method != "rk4":
-            return ErrorControl(
-                self.step_tolerance, min(settings.step_s, scene.end_time_s), self.method, self.lowest_flight
-            )
+            longest_s = min(settings.step_s, scene.end_time_s)
+            return ErrorControl(self.step_tolerance, longest_s, self.method, self.lowest_flight)
         step = settings.step_used_s(scene.end_time_s)
         if scene.drive.kind == "fluctuating":
             require_followed(scene, step)  # a ramp is cut into steps enough

@@ -19,8 +19,6 @@ from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepCho
 #: that there is no time for. A step in a jam of friction is tried up to sixty times: where a limit is set,
 #: this part of the steps is enough.
 LOOK_UP_STEPS, LOOK_UP_EVENTS, MOST_EVENTS, LIMITED = 2_000_000, 2_000, 1e8, 0.1
-
-
 #: The turn in a step, at the mechanism's own rate, for which steps per contact are given: 0.3 degrees.
 TURN_OF_STEP_RAD = math.pi / 600
 
@@ -67,7 +65,7 @@ def reference_run(
     except FrictionTooStiff as stiff:
         raise too_slow(stiff.needed_s) from stiff
     stabilised = stabilisation != "none"
-    return trajectory_of_solution(scene, solution, choice.longest_s, solution.solve_time_s, stabilised)
+    return trajectory_of_solution(scene, solution, choice.longest_s, stabilised)
 
 
 def _watch(scene: Scene, solver: Solver, most_steps: float) -> Callable[[float], None]:

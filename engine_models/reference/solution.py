@@ -27,9 +27,7 @@ def mechanism_of(scene: Scene) -> Mechanism:
         raise SimulationFailed(str(reason)) from None
 
 
-def trajectory_of_solution(
-    scene: Scene, solution: Solution, step_s: float, solve_time_s: float, stabilised: bool
-) -> Trajectory:
+def trajectory_of_solution(scene: Scene, solution: Solution, step_s: float, stabilised: bool) -> Trajectory:
     """Return the trajectory at the solution's samples."""
     multipliers, of = solution.multipliers, scene.mechanism
     contacts = {pin.name: _contact(scene.clearances[pin.name], solution, k) for k, pin in enumerate(of.loose)}
@@ -46,7 +44,7 @@ def trajectory_of_solution(
         driver_work_J=works.pop("driver", None),
         step_s=step_s,
         steps=solution.steps,
-        solve_time_s=solve_time_s,
+        solve_time_s=solution.solve_time_s,
         contacts=contacts,
         stabilisation_loss_J=solution.sums["removed"] if stabilised else None,
         load_work_J=works,
@@ -57,10 +55,7 @@ def _contact(clearance: Clearance, solution: Solution, k: int) -> Contact:
     """Return what contact k of a solution did."""
     sums, impacts = solution.sums, [impact for impact in solution.impacts if impact.contact == k]
     rigid = clearance.law == "rigid"
-    columns = {
-        column.name: np.array([getattr(impact, column.name) for impact in impacts])
-        for column in fields(Impacts)
-    }
+    columns = {it.name: np.array([getattr(impact, it.name) for impact in impacts]) for it in fields(Impacts)}
     penetration = np.hypot(*solution.gap_m[:, k].T) - clearance.radial_clearance_m
     return Contact(
         gap_m=solution.gap_m[:, k],
