@@ -9,15 +9,7 @@ import numpy as np
 
 from reference_solver.machine_code import call
 from reference_solver.mechanism.contacts import CLIPPED, CONTACT, FLIGHT
-from reference_solver.run import (
-    AT,
-    CLIP,
-    NEW,
-    OLD,
-    RELEASE,
-    RESUME,
-    TOUCH,
-)
+from reference_solver.run import AT, CLIP, NEW, OLD, RELEASE, RESUME, TOUCH
 from reference_solver.steps import (
     ROUND_OFF,
     Step,
@@ -124,12 +116,11 @@ def root(run, rows, contacts, h, event, low, high):
 
 
 @inner
-def gap_noise(run, rows):
-    """Return the round-off of a gap at the end of a step."""
+def gap_noise(run, rows, lever):
+    """Return the round-off of a gap at the end of a step, that of angles times a lever included."""
     far = run.length
     for c in range(run.n):
-        if c % 3 != 2:
-            far = max(far, abs(rows[NEW, c]))
+        far = max(far, abs(rows[NEW, c]) * (lever if c % 3 == 2 else 1.0))
     return ROUND_OFF * far
 
 
@@ -139,7 +130,7 @@ def first_event(run, rows, contacts, h, skip):
 
     An event is numbered 2 k + kind of contact k.
     """
-    event, place, noise = -1, 1.0, gap_noise(run, rows)
+    event, place, noise = -1, 1.0, gap_noise(run, rows, 0.0)
     for k in range(len(contacts)):
         contact, gap, new_gap = contacts[k], gap_of(run, rows, OLD, k), gap_of(run, rows, NEW, k)
         flies, rising = contact.phase == FLIGHT, gap.rate > 0.0
@@ -172,7 +163,7 @@ def land(run, rows, contacts, method, step, end, event, taken):
     change of the force's sign has to be past. ``taken`` is whether the step has been taken already.
     """
     k, exact, t = event // 2, event % 2 == 0, run.time
-    contact, latest, least = contacts[k], t + 1.5 * (end - t), gap_noise(run, rows)
+    contact, latest, least = contacts[k], t + 1.5 * (end - t), gap_noise(run, rows, 0.0)
     if contact.rigid == 0.0 and run.controlled != 0:
         close = min(LANDING * run.tolerance * run.length, LANDING_CLEARANCE * contact.clearance)
         least = max(least, close)
@@ -188,6 +179,9 @@ def land(run, rows, contacts, method, step, end, event, taken):
         gap = gap_of(run, rows, NEW, k)
         if exact:
             more = -gap.g / gap.rate
+            if trials == LANDINGS - 1:  # no nearer: after many turns angles are coarse
+                coarse = contact.noise if contact.rigid != 0.0 else gap_noise(run, rows, run.length)
+                least = max(least, coarse)
             if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
                 return step
             if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
