@@ -51,8 +51,8 @@ if TYPE_CHECKING:
 
 __version__ = version("crankslider")
 
-#: The scenes of the library by name.
-scenes: Mapping[str, Scene] = MappingProxyType({name: make() for name, make in ALL_SCENES.items()})
+#: The scenes of the library by name, made when they are first asked for.
+scenes: Mapping[str, Scene]
 
 #: A scene as users may give one, and what else they type.
 SomeScene = Annotated[InstanceOf[Scene] | str | Path, expect(f"{one_of([*ALL_SCENES])}, or a TOML file")]
@@ -69,6 +69,13 @@ Values = Annotated[str | Sequence[float], expect("a string or a list of numbers"
 DEFAULT_STEP_S = 1e-5
 #: A step below this part of the end time is lost to the rounding of time.
 SHORTEST_STEP_PART = 1e-12
+
+
+def __getattr__(name: str) -> Mapping[str, Scene]:
+    """Return ``scenes``."""
+    if name != "scenes":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return MappingProxyType({name: make() for name, make in ALL_SCENES.items()})
 
 
 @check_arguments
@@ -88,14 +95,14 @@ def read_scene(scene: SomeScene, changes: Named | None = None, end: Seconds | No
     """
     values = {field: as_toml(value) for field, value in (changes or {}).items()}
     values |= {} if end is None else {"end_time_s": end}
-    own = scenes.get(str(scene)) if isinstance(scene, str | Path) else scene
+    own = scene if isinstance(scene, Scene) else ALL_SCENES.get(str(scene), lambda: None)()
     if own is not None:
         return own.replace(values) if values else own
     if os.path.exists(name := str(scene)):  # pathlib's raises for a name that is too long
         return load_scene(Path(name), values, "with")
     if "/" in name or name.endswith(".toml"):
         raise BadInput(f"scene: expected a TOML file that is there, got {shown(name)} (no such file)")
-    raise BadInput(unknown("scene", name, scenes, f"{one_of([*scenes])}, or a TOML file"))
+    raise BadInput(unknown("scene", name, ALL_SCENES, f"{one_of([*ALL_SCENES])}, or a TOML file"))
 
 
 def as_toml(value: object) -> object:

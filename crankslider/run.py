@@ -166,20 +166,17 @@ class Run:
         """
         files = {"out": out, "impacts": impacts, "plot": plot, "animate": animate}
         require_outputs(self.scene, {name: place for name, place in files.items() if place}, exaggerate)
-        contents = dict[str, tuple[str | Path, "bytes | Figure"]]()
         for name, place in (("out", out), ("impacts", impacts)):
             if place is not None:
-                contents[name] = place, self._encoded(self.columns(name), Path(place).suffix.lower())
+                write_file(name, place, self._encoded(self.columns(name), Path(place).suffix.lower()))
         if plot is not None:
-            contents["plot"] = plot, self.plot(plot_columns)
+            write_file("plot", plot, self.plot(plot_columns))
         if animate is not None:
             from reports.film import film_bytes, pictured  # loads Matplotlib
 
             shown = selected(self.trajectory, pictured(len(self.trajectory.time_s)))
             film = film_bytes(self.scene, shown, exaggerate, Path(animate).suffix.lower(), tell)
-            contents["animate"] = animate, film
-        for name, (place, content) in contents.items():
-            write_file(name, place, content)
+            write_file("animate", animate, film)
 
     def _encoded(self, columns: Mapping[str, Any], ending: str) -> bytes:
         """Return a table as CSV with all digits, or as JSON or Parquet with what made it."""

@@ -7,7 +7,7 @@ corrected by Newton's method.
 
 import numpy as np
 
-from reference_solver.machine_code import call
+from reference_solver.machine_code import call, inner
 from reference_solver.mechanism.contacts import CLIPPED, CONTACT, FLIGHT
 from reference_solver.run import AT, CLIP, NEW, OLD, RELEASE, RESUME, TOUCH
 from reference_solver.steps import (
@@ -15,7 +15,6 @@ from reference_solver.steps import (
     Step,
     attempt,
     gap_of,
-    inner,
     know_slopes,
     place_at,
     probe,
@@ -54,8 +53,8 @@ def alarm(contact, gap, kind):
 def passed(contact, gap, new_gap, kind):
     """Return whether an event lies within a step, by both its ends.
 
-    Of a pin before a rigid wall it is to be no round-off. What begins past its wall by round-off, on its way
-    back, is past it still while it comes nearer.
+    A pin before a rigid wall passes it by more than round-off, or on its way out. A compliant contact that
+    begins past its event by round-off passes it only if it goes on.
     """
     value = alarm(contact, new_gap, kind)
     if kind == 1:

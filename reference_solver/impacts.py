@@ -36,12 +36,11 @@ from collections import namedtuple
 from functools import cache, partial
 from typing import Any
 
-import numba
 import numpy as np
 
 from reference_solver.equations import Answer, Equations
 from reference_solver.kept_files import alone
-from reference_solver.machine_code import ARRAY, call, compiled
+from reference_solver.machine_code import call, compiled, inner
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT, FRICTION_LAWS, separation
 from reference_solver.mechanism.points import State
 from reference_solver.run import (
@@ -56,7 +55,6 @@ from reference_solver.run import (
     SPARE,
     SUPPORT,
 )
-from reference_solver.steps import inner
 from reference_solver.tape import Array, Scalar, array
 from reference_solver.wall_friction import LEAST_MOBILITY
 
@@ -379,16 +377,15 @@ def hit(event):
         look(event)
 
 
-def resolve(state, contacts, t, at, count):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def resolve(run, contacts, rows):  # type: ignore[no-untyped-def]
     """Let pins that touch hit, follow or leave; return 1 where others follow now or none can, else 0."""
-    run, contacts = numba.carray(state, 1)[0], numba.carray(contacts, count)
-    rows, n, S = numba.carray(at, (SLOPES, run.width // 8)), run.n, run.wall_rows
+    n, S = run.n, run.wall_rows
     speeds = rows[SPARE, PER_JOINT * run.rigid_joints :]
     W, room = speeds[S : S + S * S].reshape(S, S), np.zeros((S, S + 4))
     event = Event(run, contacts, rows, speeds[:S], W, room, np.zeros(S), np.zeros(S), np.zeros(S))
     run.at_once = run.at_once + 1 if run.time == run.last_s else 1
     run.last_s, run.settled = run.time, run.settled + 1
-    if run.at_once > EVENTS_AT_ONCE * count:
+    if run.at_once > EVENTS_AT_ONCE * len(contacts):
         run.fault = UNSETTLED
         return 1.0
     for contact in contacts:
@@ -435,7 +432,14 @@ def resolve(state, contacts, t, at, count):  # type: ignore[no-untyped-def]  # n
 @cache
 def resolver() -> Any:
     """Return ``resolve``, compiled."""
+    import numba
+
+    def enter(state, contacts, t, at, count):  # type: ignore[no-untyped-def]  # noqa: ARG001
+        run = numba.carray(state, 1)[0]
+        return of_arrays(run, numba.carray(contacts, count), numba.carray(at, (SLOPES, run.width // 8)))
+
+    of_arrays = numba.extending.register_jitable(error_model="numpy")(resolve)
     run, contact = (numba.types.CPointer(numba.from_dtype(of)) for of in (RUN_RECORD, CONTACT_RECORD))
-    kind = numba.float64(run, contact, numba.float64, ARRAY, numba.int64)
+    kind = numba.float64(run, contact, numba.float64, numba.types.CPointer(numba.float64), numba.int64)
     with alone("resolve"):
-        return compiled(by=partial(numba.cfunc, kind), error_model="numpy")(resolve)
+        return compiled(by=partial(numba.cfunc, kind), error_model="numpy")(enter)

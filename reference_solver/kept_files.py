@@ -16,7 +16,6 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from secrets import token_hex
-from unittest.mock import patch
 
 import platformdirs
 
@@ -128,6 +127,8 @@ def writable_folder() -> Iterator[None]:
     Raises:
         FolderRefused: as ``private_folder``.
     """
+    from unittest.mock import patch  # it takes a moment
+
     try:
         with tempfile.TemporaryFile(dir=private_folder(), buffering=0) as file:
             file.write(bytes(2**16))  # on a full disk an empty file can be made

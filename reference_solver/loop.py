@@ -5,13 +5,35 @@ again so that it ends there; then the contact changes its phase. Numba compiles 
 a kernel's functions are called by address.
 """
 
+import ctypes
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
 import numpy as np
 
 from reference_solver import events, steps
-from reference_solver.machine_code import OPTIONS, call, compiled
+from reference_solver.machine_code import call, entry, inner
 from reference_solver.mechanism.contacts import FLIGHT
-from reference_solver.run import AT, DENSE, DONE, END, FAILED, FULL, NEW, OLD, SLOPES, SPENT, START, WALL
-from reference_solver.steps import inner
+from reference_solver.run import (
+    AT,
+    CONTACT_RECORD,
+    DENSE,
+    DONE,
+    END,
+    FAILED,
+    FULL,
+    KNOT_RECORD,
+    METHOD_RECORD,
+    NEW,
+    OLD,
+    RUN_RECORD,
+    SLOPES,
+    SPENT,
+    START,
+    WALL,
+    Run,
+)
 
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
@@ -125,7 +147,7 @@ def move_on(run, rows, contacts, method, step, error, event, factor):
                 run.first_part, run.fresh = min(LONGEST_PART, max(SHORTEST_PART, part)), -1
 
 
-@compiled(**OPTIONS)
+@inner
 def advance(state, rows, contacts, method, knots, times, samples):
     """Advance the motion to the run's end in place, event by event; return how that ended.
 
@@ -202,3 +224,39 @@ def advance(state, rows, contacts, method, knots, times, samples):
                     return WALL
                 if run.controlled != 0 and not steps.set_slopes(run, run.time, OLD, START) < np.inf:
                     return FAILED
+
+
+@cache
+def loop_of(loose: bool, controlled: bool, knotted: bool) -> Callable[[Run], int]:
+    """Return what advances runs: with contacts or without, by a method's error or not, with knots or without.
+
+    It is compiled now, or was before.
+    """
+
+    def made() -> tuple[Any, Callable[..., Any]]:
+        from numba import carray, float64, from_dtype, int64, types
+
+        def enter(state, contacts, method, knots, rows, times, samples, sizes):  # type: ignore[no-untyped-def]
+            of = carray(sizes, 6)
+            return advance(
+                carray(state, 1),
+                carray(rows, (of[2], of[3])),
+                carray(contacts, of[0]) if loose else None,
+                carray(method, 1) if controlled else None,
+                carray(knots, of[1]) if knotted else None,
+                carray(times, of[4]),
+                carray(samples, (of[4], of[5])),
+            )
+
+        records = (from_dtype(of) for of in (RUN_RECORD, CONTACT_RECORD, METHOD_RECORD, KNOT_RECORD))
+        return int64(*map(types.CPointer, (*records, float64, float64, float64, int64))), enter
+
+    address, engine = entry(f"loop_{loose:d}{controlled:d}{knotted:d}", made)
+    function = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 8)(address)
+
+    def take_on(run: Run, _: Any = engine) -> int:
+        sizes = np.array([len(run.contacts), len(run.knots), *run.rows.shape, *run.samples.shape])
+        arrays = run.state, run.contacts, run.method, run.knots, run.rows, run.times, run.samples, sizes
+        return int(function(*(None if array is None else array.ctypes.data for array in arrays)))
+
+    return take_on

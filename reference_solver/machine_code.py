@@ -10,25 +10,22 @@ processor and the version of LLVM.
 """
 
 import ctypes
-import ctypes.util
 import hashlib
 import math
 import platform
+import re
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from functools import cache, partial, wraps
+from importlib.metadata import version
 from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar, cast
-from unittest.mock import patch
 
 import llvmlite.binding as llvm
-import numba
 import numpy as np
 from llvmlite import ir
-from numba import float64, int64, types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from reference_solver.kept_files import FolderRefused, alone, private_folder, read_kept, write_kept
@@ -38,15 +35,17 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 #: How Numba compiles what calls such functions: counting references to rows would cost DOP853 a tenth.
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
-ARRAY = types.CPointer(float64)
 ARGUMENTS = "ptr noalias readonly %p, ptr noalias readonly %contacts, double %t, ptr noalias readonly %y"
 BINARY = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
 COMPARED = {">": "ogt", "==": "oeq"}
 #: Functions of one number and of two, by their names on tapes.
 OF_ONE = {"cos": "cos", "sin": "sin", "tanh": "tanh", "sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64"}
 OF_TWO = {"pow": "pow", "copysign": "llvm.copysign.f64"}
-#: What compiles each of the functions of a module that are compiled together.
-_TOGETHER = defaultdict[str, list[Callable[[], Any]]](list)
+#: What compiles each of the functions of a module that are compiled together, and what Numba is to be told.
+_TOGETHER, _UNTOLD = defaultdict[str, list[Callable[[], Any]]](list), list[Callable[[], Any]]()
+#: What Numba's text calls to tell Python of an exception, and what ends the process in its place.
+TELLS = re.compile(r"^declare (.*@(?:numba_|NRT_|Py)\w+\(.*\)) local_unnamed_addr.*$", re.MULTILINE)
+TRAP = "declare void @llvm.trap()\n"
 #: What texts begin with: the functions that they may call.
 HEAD = "".join(f"declare double @{name}(double)\n" for name in OF_ONE.values())
 HEAD += "".join(f"declare double @{name}(double, double)\n" for name in OF_TWO.values())
@@ -209,7 +208,7 @@ def prepare() -> None:
     """Set LLVM up for this processor, with the system's library."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    library = ctypes.CDLL("ucrtbase" if platform.system() == "Windows" else ctypes.util.find_library("m"))
+    library = ctypes.CDLL("ucrtbase" if platform.system() == "Windows" else None)
     for name in {*OF_ONE, *OF_TWO} & {*OF_ONE.values(), *OF_TWO.values()}:
         llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
 
@@ -228,46 +227,105 @@ class Function:
         return float(self._call(p, contacts, t, y.ctypes.data, out.ctypes.data))
 
 
-@intrinsic
-def call(_: Any, function: Any, p: Any, contacts: Any, t: Any, y: Any, out: Any) -> Any:  # noqa: ARG001
-    """Return what a function at an address returns, called by functions that Numba compiles."""
-
-    def emit(_: Any, builder: Any, __: Any, values: Any) -> Any:
-        address, *given = values
-        kind = ir.FunctionType(ir.DoubleType(), [value.type for value in given])
-        return builder.call(builder.inttoptr(address, kind.as_pointer()), given)
-
-    return float64(int64, int64, int64, float64, int64, int64), emit
-
-
 def compile_text(text: str, names: Iterable[str]) -> dict[str, Function]:
     """Return functions of a text by their names; their object code is compiled now, or was before.
 
     Raises:
         FolderRefused: others could have written what was before.
     """
+    if "call double @piece(" in text:
+        llvm.add_symbol("piece", piece()[0])
+    addresses, engine = loaded(text, lambda: text, names)
+    return {name: Function(address, engine) for name, address in addresses.items()}
+
+
+def loaded(what: str, text: Callable[[], str], names: Iterable[str]) -> tuple[dict[str, int], Any]:
+    """Return addresses of functions by their names in a text, told from others by ``what``; and their engine.
+
+    The object code is made of the text now, or was before.
+
+    Raises:
+        FolderRefused: others could have written what was before.
+    """
     prepare()
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    target = llvm.Target.from_default_triple()
-    machine = target.create_target_machine(cpu=cpu, features=features, opt=3, jit=True)
-    what = repr((text, llvm.llvm_version_info, machine.triple, cpu))
-    name = f"kernel-{hashlib.sha256(what.encode()).hexdigest()[:32]}.o"
+    machine = llvm.Target.from_default_triple().create_target_machine(cpu, features, opt=3, jit=True)
+    told = repr((what, llvm.llvm_version_info, machine.triple, cpu))
+    name = f"kernel-{hashlib.sha256(told.encode()).hexdigest()[:32]}.o"
     code = read_kept(name)
     if code is None:
-        code = machine.emit_object(llvm.parse_assembly(text))
+        code = machine.emit_object(llvm.parse_assembly(text()))
         write_kept(name, code)
-    if "call double @piece(" in text:
-        llvm.add_symbol("piece", piece().address)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return {name: Function(engine.get_function_address(name), engine) for name in names}
+    return {name: engine.get_function_address(name) for name in names}, engine
 
 
 # --------------------------------------------------------------------- functions that Numba compiles
 
 
-def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: Any) -> Callable[[F], F]:
+def inner(function: F) -> F:
+    """Have Numba compile a function into those that call it."""
+
+    def register() -> None:
+        from numba.extending import register_jitable
+
+        register_jitable(**OPTIONS)(function)
+
+    _UNTOLD.append(register)
+    return function
+
+
+def call(function: Any, p: Any, contacts: Any, t: Any, y: Any, out: Any) -> Any:
+    """Return what a function at an address returns, called by functions that Numba compiles."""
+
+
+def _register_call() -> None:
+    from numba import float64, int64
+    from numba.extending import intrinsic, overload
+
+    @intrinsic
+    def called(_: Any, function: Any, p: Any, contacts: Any, t: Any, y: Any, out: Any) -> Any:  # noqa: ARG001
+        def emit(_: Any, builder: Any, __: Any, values: Any) -> Any:
+            address, *given = values
+            kind = ir.FunctionType(ir.DoubleType(), [value.type for value in given])
+            return builder.call(builder.inttoptr(address, kind.as_pointer()), given)
+
+        return float64(int64, int64, int64, float64, int64, int64), emit
+
+    @overload(call, jit_options=cast(Any, OPTIONS))
+    def _(function, p, contacts, t, y, out):  # type: ignore[no-untyped-def]  # noqa: ARG001
+        return lambda function, p, contacts, t, y, out: called(function, p, contacts, t, y, out)  # type: ignore[call-arg]
+
+
+_UNTOLD.append(_register_call)
+
+
+def entry(name: str, made: Callable[[], tuple[Any, Callable[..., Any]]]) -> tuple[int, Any]:
+    """Return the address of a function that Numba compiles now, or did before, and what has it in memory.
+
+    ``made`` returns its signature and itself. It allocates nothing and raises nothing: where Numba has it do
+    so the process ends.
+    """
+
+    def text() -> str:
+        import numba
+
+        while _UNTOLD:
+            _UNTOLD.pop()()
+        kind, function = made()
+        compiled = numba.cfunc(kind, error_model="numpy")(function)
+        text = compiled.inspect_llvm().replace(compiled.native_name, name)
+        return TELLS.sub(r"define \1 {\n  call void @llvm.trap()\n  unreachable\n}", text) + TRAP
+
+    with alone(name):
+        what = f"{name} {version('numba')} {digest_of(Path(__file__).parent)}"
+        addresses, engine = loaded(what, text, [name])
+    return addresses[name], engine
+
+
+def compiled(kinds: str = "", by: Callable[..., Any] | None = None, **options: Any) -> Callable[[F], F]:
     """Return what has Numba compile a function, its machine code kept if it can be.
 
     With its arguments' kinds that is done when Python first calls one of its module, for all of these, by one
@@ -276,14 +334,20 @@ def compiled(kinds: str = "", by: Callable[..., Any] = numba.njit, **options: An
     """
 
     def made(function: F) -> F:
+        from unittest.mock import patch
+
+        import numba
+
+        while _UNTOLD:
+            _UNTOLD.pop()()
         package = Path(str(sys.modules[function.__module__.partition(".")[0]].__file__)).parent
-        given = (kinds,) if kinds else ()
+        given, jit = (kinds,) if kinds else (), by or cast(Any, numba.njit)
         try:
             folder = private_folder() / f"numba-{digest_of(package)}"
         except (FolderRefused, OSError):
-            return cast(F, by(*given, **options)(function))
+            return cast(F, jit(*given, **options)(function))
         with patch.object(numba.config, "CACHE_DIR", str(folder)):
-            return cast(F, by(*given, **options, cache=True)(function))
+            return cast(F, jit(*given, **options, cache=True)(function))
 
     def later(function: F) -> F:
         module, compile_once = function.__module__, cache(partial(made, function))
@@ -314,10 +378,9 @@ def digest_of(folder: Path) -> str:
 
 
 @cache
-def piece() -> Any:
+def piece() -> tuple[int, Any]:
     """Return the function that looks a table up, for the tapes' calls of this name."""
 
-    @compiled(by=partial(numba.cfunc, float64(ARRAY, *[float64] * 4, ARRAY)))
     def look_up(p, place, pieces, period, x, out):  # type: ignore[no-untyped-def]
         """Store in ``out`` x from the begin of its piece on, and the row that the piece has at p + place."""
         first, low, high = int(place), 0, int(pieces)
@@ -335,4 +398,10 @@ def piece() -> Any:
             out[k] = p[row + k]
         return 0.0
 
-    return look_up
+    def made() -> tuple[Any, Callable[..., Any]]:
+        from numba import float64, types
+
+        array = types.CPointer(float64)
+        return float64(array, *[float64] * 4, array), look_up
+
+    return entry("piece", made)

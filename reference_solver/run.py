@@ -49,7 +49,7 @@ class Gap(NamedTuple):
 GAP_FIELDS = len(Gap._fields)
 
 #: A contact. Its state: phase and memory (see ``mechanism.contacts``), the time of its touch, the
-#: duration expected then, and its ``Equations.mobilities`` when last looked up. Its law: radial clearance,
+#: duration expected then, and ``Equations.mobilities`` (``following``: along its wall). Its law: clearance,
 #: stiffness, exponent, damping factor, minimum impact speed, steepest slope of friction in s/m, whether the
 #: force is clipped, restitution, coefficient of friction. Of a rigid wall: that it is one, the round-off of g
 #: and of its rate, and that it takes no part in a step. Since its touch: the largest normal force in N and

@@ -11,7 +11,7 @@ import numpy as np
 from reference_solver import failures
 from reference_solver.energy import Guard
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.kept_files import alone
+from reference_solver.loop import loop_of
 from reference_solver.mechanism.contacts import separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
@@ -104,11 +104,9 @@ class Solver:
         self._method = METHODS[choice.method]() if isinstance(choice, ErrorControl) else RK4
         self._kernels: dict[tuple[int, ...], Kernel] = {}
         self.steps = self.settled = 0
-        # The loop is compiled or loaded here and not in the run: a run of no length does it.
-        run = self._new(q_start, np.zeros_like(q_start), np.zeros(1), 0.0, 1.0)
-        parts = bool(self._joints), run.method is not None, len(run.knots) > 0
-        with alone(f"loop-{'-'.join(map(str, parts))}"):
-            self._advance(run)
+        self._kernel(())  # compiled or loaded here and not in the run, as the loop
+        parts = bool(self._joints), bool(self._method.estimates), bool(mechanism.knots_by_angle)
+        self._advance = loop_of(*parts)
 
     def _kernel(self, following: tuple[int, ...]) -> "Kernel":
         from reference_solver.kernel import Kernel, Topology
@@ -152,14 +150,6 @@ class Solver:
                 state["slack"] = SLACK * state["longest"]
         state["shortest_s"] = 0.0 if follows_all else shortest_s
         return run
-
-    def _advance(self, run: Run) -> int:
-        """Advance a run from its present state on; return how that ended."""
-        from reference_solver.loop import advance
-
-        contacts = run.contacts if self._joints else None
-        knots = run.knots if len(run.knots) else None
-        return int(advance(run.state, run.rows, contacts, run.method, knots, run.times, run.samples))
 
     def run(
         self,

@@ -12,14 +12,11 @@ loads, or no error estimate, contacts, knots or method are None: what is about t
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
-from reference_solver.machine_code import OPTIONS, call
+from reference_solver.machine_code import call, inner
 from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.methods import MOST_APART
 from reference_solver.run import AT, END, GAP_FIELDS, NEW, OLD, SLOPES, SPARE, START, WEIGHT, Gap
-
-inner = register_jitable(**OPTIONS)
 
 #: Part of the clearance (or a radian) that a pin crosses in a step of flight: by RK4, and controlled.
 FLIGHT_PART, CONTROLLED_FLIGHT_PART = 0.25, 0.5

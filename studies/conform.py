@@ -13,12 +13,11 @@ import numpy as np
 
 from engine_models.engine import AdapterCannot, Engine, RunSettings, Trajectory, UnsupportedScene
 from engine_models.mechanics.energy import unaccounted_part
+from engine_models.mechanics.forces import accelerations
 from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import observed_m
-from engine_models.minimal.forces import Forces
 from engine_models.scene.library import ALL_SCENES, SCENES
 from engine_models.scene.scene import Scene
-from studies.judges.columns import accelerations
 from studies.judges.converged_truth import converged, solved
 from studies.judges.convergence import observed_order
 from studies.judges.impact_matching import FORCE_ERROR, impact_errors
@@ -131,7 +130,7 @@ def force_error(trial: Trial) -> float:
         quiet &= contact.normal_impulse_N_s[2:] == contact.normal_impulse_N_s[:-2]
     quiet[:2] = False  # a start from rest forces on the first steps (Pymunk's kicks)
     masses = np.array([body.mass_kg for body in scene.mechanism.bodies])[:, None]
-    force = masses * accelerations(Forces(scene), run)[:, :, :2]
+    force = masses * accelerations(scene, run)[:, :, :2]
     needed = masses * (run.velocity[2:, :, :2] - run.velocity[:-2, :, :2]) / (2 * run.time_s[1])
     scale = max(np.abs(force[1:-1][quiet]).max(initial=0.0), float((masses * 9.81).max()))
     return float(np.abs(needed - force[1:-1])[quiet].max(initial=0.0) / scale)

@@ -12,7 +12,7 @@ import numpy as np
 from engine_models import arms
 from engine_models.arms import Arm, Setting
 from engine_models.engine import FloatArray
-from engine_models.minimal.forces import Forces
+from engine_models.mechanics.forces import driven_speeds
 from engine_models.scene.library import CLEARANCE_SCENES, IDEAL_SCENES, RIGID_SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.converged_truth import GRID, converged
@@ -191,8 +191,7 @@ def speeds_rad_s(scene: Scene) -> FloatArray:
     if scene.is_short and scene.drive.guide is None:
         if not scene.mechanism.drive.prescribes:
             return np.array([scene.placed.v[2]])
-        _, speeds, _ = Forces(scene).motion(np.linspace(0.0, scene.end_time_s, LOOKS))
-        return np.asarray(speeds)
+        return driven_speeds(scene.mechanism, np.linspace(0.0, scene.end_time_s, LOOKS))
     spins = converged(scene, GRID)[0].velocity[:, :, 2]
     return np.abs(spins).max(axis=1) if scene.turning_body is None else spins[:, scene.turning_body]
 

@@ -9,6 +9,7 @@ from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model
 from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, integral, link_rows, states
 from engine_models.exudyn.solver import silence, simulation_settings, solve
+from engine_models.mechanics.forces import works_J
 from engine_models.mechanics.trajectory import Reactions
 from engine_models.minimal import equations as eq
 from engine_models.minimal.forces import Forces
@@ -52,7 +53,7 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
             sums = integral(grid, powers) if tree else cumulative_trapezoid(powers(grid), grid, initial=0.0)
             works = dict(zip(forces.integrated, sums[:, np.searchsorted(grid, sampled_s)], strict=True))
         position, velocity, _ = motion.at(sampled_s)
-        works = forces.works_J(position, works)
+        works = works_J(scene, position, works)
         return Trajectory(
             **vars(_reactions(forces, motion, sampled_s)),
             time_s=time,

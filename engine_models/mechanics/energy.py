@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.states import lever_m, point_motion
+from engine_models.mechanics.states import ends_of, lever_m
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contacts import exponent_of as exponent_of
@@ -49,9 +49,9 @@ def potential_energies_J(scene: Scene, trajectory: Trajectory) -> dict[str, Floa
 
 
 def _spring_energy_J(spring: Spring, position: FloatArray) -> FloatArray:
-    ends, still = ((spring.body_i, spring.point_i), (spring.body_j, spring.point_j)), np.zeros_like(position)
-    i, j = (point_motion(*end, position, still).place_m for end in ends)
-    return np.asarray(spring.stiffness_N_m / 2 * (np.hypot(*(j - i).T) - spring.free_length_m) ** 2)
+    i, j = ends_of(spring, position, np.zeros_like(position))
+    length = np.hypot(*(j.place_m - i.place_m).T)
+    return np.asarray(spring.stiffness_N_m / 2 * (length - spring.free_length_m) ** 2)
 
 
 def potential_energy_J(scene: Scene, trajectory: Trajectory) -> FloatArray:

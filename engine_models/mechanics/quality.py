@@ -82,7 +82,7 @@ def _in_percent(part: FloatArray) -> str:
 
 
 def quality_of(scene: Scene, trajectory: Trajectory) -> Quality:
-    """Return the quality of an engine's run of a scene, as far as its samples show it."""
+    """Return the quality of an engine's run of a scene, as far as its samples and impacts show it."""
     with np.errstate(all="ignore"):  # an overflow is a finding
         found = {ENERGY: unaccounted_part(scene, trajectory)}
         of = scene.mechanism
@@ -90,10 +90,19 @@ def quality_of(scene: Scene, trajectory: Trajectory) -> Quality:
             found[GAP] = constraint_violation_m(scene, trajectory) / shortest_m(scene)
         if trajectory.contacts:
             radius = {name: clearance.bearing_radius_m for name, clearance in scene.clearances.items()}
-            depths = [contact.penetration_m / radius[name] for name, contact in trajectory.contacts.items()]
+            depths = [deepest_m(trajectory, name) / radius[name] for name in trajectory.contacts]
             found[PENETRATION] = np.maximum(np.max(depths, axis=0), 0.0)
     finite = {what: np.where(np.isfinite(part), part, np.inf) for what, part in found.items()}
     return Quality(finite, trajectory.time_s, trajectory.step_s)
+
+
+def deepest_m(trajectory: Trajectory, joint: str) -> FloatArray:
+    """Return a joint's penetration (n,) at samples, an impact's deepest at the sample after it."""
+    contact = trajectory.contacts[joint]
+    impacts, depth = contact.impacts, contact.penetration_m.copy()
+    after = np.searchsorted(trajectory.time_s, impacts.largest_penetration_time_s).clip(max=len(depth) - 1)
+    np.fmax.at(depth, after, impacts.largest_penetration_m)  # NaN between rigid walls
+    return depth
 
 
 def require_quality(scene: Scene, trajectory: Trajectory) -> Trajectory:

@@ -11,8 +11,8 @@ import numpy as np
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import GROUND as GROUND
+from reference_solver.mechanism.data import Ends, MechanismData
 from reference_solver.mechanism.data import Line as Line
-from reference_solver.mechanism.data import MechanismData
 from reference_solver.mechanism.data import Pin as Pin
 from reference_solver.mechanism.data import Point as Point
 from reference_solver.mechanism.data import Spring as Spring
@@ -49,10 +49,15 @@ def point_motion(body: int, point: Point, position: FloatArray, velocity: FloatA
     return PointMotion(position[:, body, :2] + reach, velocity[:, body, :2] + spin[:, None] * turned, spin)
 
 
+def ends_of(part: Ends, position: FloatArray, velocity: FloatArray) -> tuple[PointMotion, PointMotion]:
+    """Return the motions of the points of bodies i and j."""
+    i = point_motion(part.body_i, part.point_i, position, velocity)
+    return i, point_motion(part.body_j, part.point_j, position, velocity)
+
+
 def pin_gap(pin: Pin, position: FloatArray, velocity: FloatArray) -> JointGap:
     """Return the gap of a joint from its bearing to its pin."""
-    ends = (pin.body_i, pin.point_i), (pin.body_j, pin.point_j)
-    bearing, own = (point_motion(*end, position, velocity) for end in ends[:: -1 if pin.bearing_on_j else 1])
+    bearing, own = ends_of(pin, position, velocity)[:: -1 if pin.bearing_on_j else 1]
     gap, rate = own.place_m - bearing.place_m, own.rate_m_s - bearing.rate_m_s
     return JointGap(gap, rate)
 
@@ -84,8 +89,7 @@ def direction(line: Line, position: FloatArray) -> tuple[FloatArray, FloatArray]
 def _along(
     line: Line, across: bool, position: FloatArray, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    i = point_motion(line.body_i, line.point_i, position, velocity)
-    j = point_motion(line.body_j, line.point_j, position, velocity)
+    i, j = ends_of(line, position, velocity)
     u, n = direction(line, position)
     if across:
         u, n = n, -u

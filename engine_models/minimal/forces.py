@@ -2,10 +2,10 @@
 
 For the engines that have them not themselves. Whoever has a compiled loop of its own hands ``Forces.p`` to it
 and calls ``equations.engage`` for each contact and then ``equations.forces``, for one state at a time. All
-else goes by samples (n,): ``Forces.act`` gives generalised forces, parts of loads and their powers, and
-contacts by their law or with forces that are given; ``Forces.reactions`` gives the forces of joints, guides
-and drive from motion alone. By Newton's second law B^T lambda = M a - F, of which lambda is the solution by
-least squares in the norm of M^-1: B M^-1 B^T lambda = B (a - M^-1 F).
+else goes by samples (n,): ``Forces.act`` gives generalised forces, powers of loads, and contacts by their law
+or with forces that are given; ``Forces.reactions`` gives the forces of joints, guides and drive from motion
+alone. By Newton's second law B^T lambda = M a - F, of which lambda is the solution by least squares in the
+norm of M^-1: B M^-1 B^T lambda = B (a - M^-1 F).
 """
 
 from collections.abc import Mapping
@@ -14,17 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_models.engine import Contact, FloatArray, UnsupportedScene
-from engine_models.mechanics.states import pin_gap, way
+from engine_models.mechanics.forces import integrals_of
+from engine_models.mechanics.states import pin_gap
 from engine_models.mechanics.trajectory import ContactStates, Reactions, reactions_of
 from engine_models.minimal import equations as eq
 from engine_models.minimal.model import Numbers
 from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism import data
 from reference_solver.mechanism.contacts import DAMPING_FACTORS, NORMAL_LAWS
 
-#: Parts of loads whose works follow from the positions: those of the others are integrals over time.
-EXACT = ("force", "spring", "torque")
 #: Singular values below this part of the largest are zero, where rows depend on each other.
 ZERO = 1e-15
 
@@ -33,13 +31,12 @@ ZERO = 1e-15
 class Acting:
     """What acts in n states: ``on_bodies`` (n, bodies, 3) has all forces and torques but reactions.
 
-    ``parts`` has the force or torque of each part of the loads, (n,), as "BODY.viscous" or "spring:NAME", a
-    spring's positive where it pushes, and of a drive that prescribes no motion as "driver". ``powers_W``
-    has those whose works are integrals over time, by the names of ``Trajectory.load_work_J``.
+    ``torque_N_m`` (n,) is that of a drive that prescribes no motion. ``powers_W`` has those of loads whose
+    works are integrals over time, by the names of ``Trajectory.load_work_J``.
     """
 
     on_bodies: FloatArray
-    parts: dict[str, FloatArray]
+    torque_N_m: FloatArray | None
     powers_W: dict[str, FloatArray]
     contacts: dict[str, ContactStates]
 
@@ -61,19 +58,13 @@ def require_family(scene: Scene, engine: str) -> None:
 class Forces(Numbers):
     """The forces on the bodies of a scene's mechanism, and its reactions, in any states.
 
-    ``along`` names the parts of loads that act along a line; ``integrated`` the works that are integrals over
-    time, as in ``Trajectory.load_work_J``, and "driver".
+    ``integrated`` names the works that are integrals over time.
     """
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene.mechanism, np.zeros(3 * len(scene.mechanism.bodies)), _damping_of)
-        self._short, law = "slider." if scene.is_short else "", self.of.drive.law
-        kinds = self.block(eq.PARTS)[:, 0]
-        self.along = [name for name, kind in zip(self.parts, kinds, strict=True) if kind == eq.LINE]
-        names = [name for name in self.working if name.rpartition(".")[2] not in EXACT]
-        self._torque = law.torque_N_m if isinstance(law, data.Torque) else None
-        driven = law is not None and not isinstance(self._torque, float)
-        self.integrated = tuple(name.removeprefix(self._short) for name in [*names, *["driver"] * driven])
+        self._short = "slider." if scene.is_short else ""
+        self.integrated = tuple(integrals_of(scene).values())
 
     def motion(self, time_s: FloatArray) -> FloatArray:
         """Return how far what is driven has gone since t = 0, its speed and its acceleration, (3, n)."""
@@ -118,10 +109,10 @@ class Forces(Numbers):
             distance = np.hypot(*gap.T)
             rate_m_s = rate * c / np.maximum(distance, np.finfo(float).tiny)
             states[pin.name] = ContactStates(gap, distance - c, normal, friction, rate_m_s, *losses)
-        parts = {name: told[:, at + k] for k, name in enumerate(self.parts)}
+        torque = told[:, at + self.parts.index("driver")] if "driver" in self.parts else None
         works = {name.removeprefix(self._short): powers[:, place + k] for k, name in enumerate(self.parts)}
         works = {name: works[name] for name in self.integrated if name in works}
-        return Acting(F.reshape(n, bodies, 3), parts, works, states)
+        return Acting(F.reshape(n, bodies, 3), torque, works, states)
 
     def reactions(
         self,
@@ -143,30 +134,7 @@ class Forces(Numbers):
             multipliers = np.linalg.solve(matrix, right)[..., 0]
         except np.linalg.LinAlgError:  # the shortest where one is singular
             multipliers = (np.linalg.pinv(matrix, ZERO, hermitian=True) @ right)[..., 0]
-        return reactions_of(self.of, multipliers, contacts, acting.parts.get("driver"))
-
-    def works_J(self, position: FloatArray, integrated: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Return the work of each part of the loads, and "driver", since the first of positions, (n,).
-
-        Those that are ``integrated`` are given; the others follow from where the bodies are.
-        """
-        exact = dict[str, FloatArray]()
-        for load in self.of.loads:
-            name, angle = self.of.bodies[load.body].name, position[:, load.body, 2]
-            exact[f"{name}.torque"] = load.torque_N_m * (angle - angle[0])
-            if load.line is not None:
-                s, _ = way(load.line, position, np.zeros_like(position))
-                gone, middle = s - s[0], (s + s[0]) / 2
-                exact[f"{name}.force"] = load.force_N * gone
-                exact[f"{name}.spring"] = -load.spring_N_m * gone * (middle - load.free_position_m)
-        if isinstance(self._torque, float):
-            angle = position[:, self.of.drive.body, 2]
-            exact["driver"] = self._torque * (angle - angle[0])
-        works = dict[str, FloatArray]()
-        for name in [*self.working, *({"driver"} & {*exact, *integrated})]:
-            short = name.removeprefix(self._short)
-            works[short] = exact[name] if name in exact else integrated[short]
-        return works
+        return reactions_of(self.of, multipliers, contacts, acting.torque_N_m)
 
 
 def _damping_of(law: str, e: float) -> float:

@@ -357,7 +357,7 @@ class Run(Recording):
         if event is not None and event[2] < 0:
             self._pieces[event[1]] += 1 if event[2] == ON else -1
         model(self.t, self.y)
-        for k in range(len(model.phases)):
+        for k in sorted(range(len(model.phases)), key=lambda k: model.contacts[k, eq.K] != 0.0):  # impacts
             for kind in self._kinds(k):
                 is_event = event is not None and (k, kind) == event[1:]
                 if not is_event and not self._signal(model.contacts_told, self.y, k, kind) > NUDGE:

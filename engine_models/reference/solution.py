@@ -4,14 +4,14 @@ from dataclasses import fields
 
 import numpy as np
 
-from engine_models.engine import Contact, FloatArray, Impacts, SimulationFailed, Trajectory
+from engine_models.engine import Contact, Impacts, SimulationFailed, Trajectory
 from engine_models.mechanics.energy import elastic_energy_J
+from engine_models.mechanics.forces import integrals_of, load_forces, works_J
 from engine_models.mechanics.trajectory import reactions_of
-from engine_models.minimal.forces import Forces
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import mechanism
-from reference_solver.mechanism.mechanism import Mechanism, loads_of
+from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.solution import Solution
 
 
@@ -34,18 +34,16 @@ def trajectory_of_solution(
     multipliers, of = solution.multipliers, scene.mechanism
     contacts = {pin.name: _contact(scene.clearances[pin.name], solution, k) for k, pin in enumerate(of.loose)}
     position = solution.q.reshape(len(multipliers), -1, 3)
-    velocity, acting = solution.v.reshape(position.shape), Forces(scene)
-    torque: FloatArray | None = None  # that of a drive which is none of the solution's rows
-    if of.drive.law is not None and not of.drive.prescribes:
-        torque = acting.act(solution.time_s, position, velocity).parts["driver"]
-    works = acting.works_J(position, _integrated_works(scene, solution))
-    driver_work = works.pop("driver", None)
+    velocity = solution.v.reshape(position.shape)
+    torque = load_forces(of, solution.time_s, position, velocity).get("drive")  # of one that is no row
+    integrals = {name: solution.sums[sum_] for sum_, name in integrals_of(scene).items()}
+    works = works_J(scene, position, integrals)
     return Trajectory(
         **vars(reactions_of(of, multipliers, contacts, torque)),
         time_s=solution.time_s,
         position=position,
         velocity=velocity,
-        driver_work_J=solution.sums["drivers"] if of.drive.prescribes else driver_work,
+        driver_work_J=works.pop("driver", None),
         step_s=step_s,
         steps=solution.steps,
         solve_time_s=solve_time_s,
@@ -53,14 +51,6 @@ def trajectory_of_solution(
         stabilisation_loss_J=solution.sums["removed"] if stabilised else None,
         load_work_J=works,
     )
-
-
-def _integrated_works(scene: Scene, solution: Solution) -> dict[str, FloatArray]:
-    """Return the works that the solution has integrated, by the names of ``Forces.integrated``."""
-    short = "slider." if scene.is_short else ""
-    loads = [name.removeprefix(short) for name in loads_of(scene.mechanism)]
-    names = {f"load{k}": "driver" if name == "drive" else name for k, name in enumerate(loads)}
-    return {names[sum_]: work for sum_, work in solution.sums.items() if sum_ in names}
 
 
 def _contact(clearance: Clearance, solution: Solution, k: int) -> Contact:

@@ -114,9 +114,9 @@ def forces_of(load: Load, state: State) -> Forces:
         return _pulled(load, state)
     if isinstance(load, Torque):
         angle, speed = state.position(load.body)[2], state.velocity(load.body)[2]
-        return {load.body: array([0.0, 0.0, _size(load.law, angle, speed, state)])}
+        return {load.body: array([0.0, 0.0, size_of(load.law, angle, speed, state)])}
     i, j, u, across, d = line_at(load, state)
-    pull = _size(load.law, u @ d, u @ (j.rate - i.rate) + i.spin * (across @ d), state) * u
+    pull = size_of(load.law, u @ d, u @ (j.rate - i.rate) + i.spin * (across @ d), state) * u
     forces = {load.body_j: pull @ j.jacobian}
     if load.body_i != GROUND:
         lever = j.place - state.position(load.body_i)[:2]
@@ -124,7 +124,7 @@ def forces_of(load: Load, state: State) -> Forces:
     return forces
 
 
-def _size(law: Law, s: Scalar, rate: Scalar, state: State) -> Scalar:
+def size_of(law: Law, s: Scalar, rate: Scalar, state: State) -> Scalar:
     """Return the size of a force or torque at s and s'."""
     match law:
         case Constant(size):

@@ -84,11 +84,11 @@ class PiecewiseCubic:
         return PlacedTable(-float(len(self.rows) + behind), len(self.rows) / ROW, self.period)
 
     def at(self, x: Scalar) -> Moved:
-        """Return the function and its first two derivatives at a number: the outer pieces go on for ever."""
+        """Return the function and its first two derivatives at numbers: the outer pieces go on for ever."""
         rows = self._array.reshape(-1, ROW)
         if self.period:
-            x -= self.period * np.floor((x - rows[0, 0]) / self.period)
-        begin, *coefficients = rows[max(0, np.searchsorted(rows[:, 0], x, side="right") - 1)]
+            x = x - self.period * np.floor((x - rows[0, 0]) / self.period)
+        begin, *coefficients = rows[np.maximum(0, np.searchsorted(rows[:, 0], x, side="right") - 1)].T
         return _cubic(x - begin, *coefficients)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray, Impacts, Trajectory
+from engine_models.mechanics.forces import accelerations, along_lines, load_forces, on_ground
 from engine_models.mechanics.states import direction, guide_column, observed_columns, point_motion, way
-from engine_models.minimal.forces import Forces, flat
 from engine_models.scene.scene import Scene
 from studies.judges.energy_ledger import load_works
 from studies.judges.metrics import energy_balance_residual_J, kinetic_energy_J, potential_energy_J
@@ -26,18 +26,17 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
     guide's on its body, to the left of the guide's direction. A spring's force pulls its ends together.
     """
     of, run = scene.mechanism, trajectory
-    forces = Forces(scene)
-    parts, moving = forces.act(run.time_s, run.position, run.velocity).parts, accelerations(forces, run)
+    forces, moving = load_forces(of, run.time_s, run.position, run.velocity), accelerations(scene, run)
     columns = {"time_s": run.time_s}
     columns |= _crank_slider(scene, run) if scene.is_short else _bodies(scene, run, moving)
     for joint, force in run.joint_force_N.items():
         columns |= {f"joint_{joint}_force_x_N": force[:, 0], f"joint_{joint}_force_y_N": force[:, 1]}
     columns |= _guides(scene, run)
     if run.driver_torque_N_m is not None:
-        along = of.drive.guide is not None
-        columns["driver_force_N" if along else "driver_torque_N_m"] = run.driver_torque_N_m
-    columns |= {f"{name.replace('.', '_')}_force_N": parts[name] for name in forces.along}
-    columns |= {f"spring_{spring.name}_force_N": -parts[f"spring:{spring.name}"] for spring in of.springs}
+        turns = of.drive.guide is None
+        columns["driver_torque_N_m" if turns else "driver_force_N"] = run.driver_torque_N_m
+    columns |= {f"{name.replace('.', '_')}_force_N": forces[name] for name in along_lines(of)}
+    columns |= {f"spring_{spring.name}_force_N": forces[f"spring:{spring.name}"] for spring in of.springs}
     columns |= _energies(scene, run)
     for joint, contact in run.contacts.items():
         columns |= {
@@ -55,29 +54,7 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
         columns["slider_acceleration_m_s2"] = np.sum(forward * moving[:, SLIDER, :2], axis=1)
         columns |= {"rod_angle_rad": run.position[:, ROD, 2], "rod_speed_rad_s": run.velocity[:, ROD, 2]}
     names = "ground_force_x_N", "ground_force_y_N", "ground_moment_N_m"
-    return columns | dict(zip(names, on_ground(forces, run, moving).T, strict=True))
-
-
-def accelerations(forces: Forces, run: Trajectory) -> FloatArray:
-    """Return the accelerations (n, bodies, 3) that all forces of a run give to its bodies."""
-    acting, of = forces.act(run.time_s, run.position, run.velocity, run.contacts).on_bodies, forces.of
-    rows = [axis for pin in of.ideal for axis in run.joint_force_N[pin.name].T]
-    for guide in of.guides:
-        rows.append(run.guide_force_N[guide.name])
-        if not guide.turns:
-            rows.append(run.guide_moment_N_m.get(guide.name, np.zeros(len(acting))))
-    if of.drive.prescribes and run.driver_torque_N_m is not None:
-        rows.append(run.driver_torque_N_m)
-    multipliers, B = np.reshape(rows, (forces.rows, len(acting))), forces.look(0.0, flat(run.position))[0]
-    reactions = np.einsum("mn,nmk->nk", multipliers, B).reshape(acting.shape)
-    return np.asarray((acting + reactions) / forces.masses)
-
-
-def on_ground(forces: Forces, run: Trajectory, acceleration: FloatArray) -> FloatArray:
-    """Return force and torque about the origin (n, 3) on the ground: what weight and inertia leave."""
-    own = forces.masses * (np.array([*forces.of.gravity_m_s2, 0.0]) - acceleration)
-    own[..., 2] += run.position[..., 0] * own[..., 1] - run.position[..., 1] * own[..., 0]
-    return np.asarray(own.sum(axis=1))
+    return columns | dict(zip(names, on_ground(scene, run, moving).T, strict=True))
 
 
 def _crank_slider(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:

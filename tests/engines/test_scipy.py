@@ -13,6 +13,7 @@ from engine_models.engine import (
 )
 from engine_models.mechanics.start import start_state
 from engine_models.minimal.engine import ScipyEngine
+from engine_models.reference.engine import ReferenceEngine
 from engine_models.scene.library import SCENES, ideal_driven
 from engine_models.scene.scene import Scene
 from tests.helpers.starts import started_from
@@ -77,6 +78,36 @@ def test_a_contact_that_would_pull_loses_its_spring_s_energy_however_long_the_st
 
 
 # Rebounds from rigid walls.
+
+
+def state(y_m: float, speed_m_s: float) -> dict[str, float]:
+    still = dict.fromkeys(("x_m", "angle_rad", "velocity_x_m_s", "angular_velocity_rad_s"), 0.0)
+    return still | {"y_m": y_m, "velocity_y_m_s": speed_m_s}
+
+
+def test_an_impact_that_throws_a_pin_off_a_compliant_wall_clips_its_force_at_once() -> None:
+    """Body two strikes body one, which is in contact and leaves so fast that its law would pull."""
+    body = {"mass_kg": 1.0, "inertia_kg_m2": 1e-3}
+    soft = {"law": "hunt-crossley", "radial_clearance_m": 1e-3, "stiffness": 1e9, "restitution": 0.5}
+    hard = {"law": "rigid", "radial_clearance_m": 2e-3, "restitution": 0.8}
+    of = Scene.checked(
+        {
+            "name": "two",
+            "end_time_s": 0.004,
+            "observe": "one.angle",
+            "ground": {"pins_m": {"O": 0.0}},
+            "body": {"one": body | {"pins_m": {"O": 0.0, "R": 0.0}}, "two": body | {"pins_m": {"R": 0.0}}},
+            "guide": {
+                name: {"body": name, "pin": pin, "angle_rad": np.pi / 2}
+                for name, pin in (("one", "O"), ("two", "R"))
+            },
+            "clearance": {"O": soft | {"bearing_radius_m": 0.01}, "R": hard | {"bearing_radius_m": 0.01}},
+            "start": {"one": state(-9.9e-4, -0.05), "two": state(-3e-4, 1.0)},
+        }
+    )
+    known = ReferenceEngine(method="dop853", step_tolerance=1e-12).simulate(of, RunSettings(1.0, SAMPLES))
+    off = np.abs(run(of).position - known.position).max()
+    assert off < 1e-13, f"{off:.1e} m: 5e-6 if the force goes on for a step"
 
 
 def test_a_pin_that_comes_to_rest_ends_the_run_in_words_that_blame_no_engine() -> None:

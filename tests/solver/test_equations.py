@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray
-from engine_models.minimal.forces import Forces
+from engine_models.mechanics.forces import load_forces
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.scene import Scene
@@ -161,7 +161,7 @@ def ideal() -> Written:
     def distance(k: int, answers: FloatArray) -> float:
         (true, true_power), (position, velocity) = expected[k], states[k].reshape(2, 3, 3)
         acceleration, forces, (guide, moment, power) = np.split(answers, [9, 15])
-        load = Forces(scene).act(np.zeros(1), position[None], velocity[None]).parts
+        load = load_forces(scene.mechanism, np.zeros(1), position[None], velocity[None])
         inertia = np.array([[body.mass_kg, body.mass_kg, body.inertia_kg_m2] for body in bodies])
         lack = inertia * acceleration.reshape(3, 3)
         lack[:, 1] += [body.mass_kg * -scene.mechanism.gravity_m_s2[1] for body in bodies]

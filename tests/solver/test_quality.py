@@ -42,15 +42,28 @@ def penetration(radii: float) -> Planted:
     return scene, replace(run, contacts={"B": replace(run.contacts["B"], penetration_m=depth)})
 
 
-PLANTED: dict[str, tuple[Callable[[float], Planted], str, float]] = {
-    "unaccounted_energy_part": (energy, "energy off by", 0.1),
-    "penetration_part": (penetration, "pin in the wall of its bearing by", 1.0),
+def deep_impact(radii: float) -> Planted:
+    """Return a motion with an impact that is deepest between two samples, of which none shows it."""
+    scene, run = loose_run()
+    contact = run.contacts["B"]
+    between_s = np.full_like(contact.impacts.time_s, run.time_s[WRONG_FROM - 1 : WRONG_FROM + 1].mean())
+    deep = {"largest_penetration_m": 0 * between_s + radii * 0.01, "largest_penetration_time_s": between_s}
+    return scene, replace(run, contacts={"B": replace(contact, impacts=replace(contact.impacts, **deep))})
+
+
+WALL = "penetration_part", "pin in the wall of its bearing by", 1.0
+PLANTED: dict[Callable[[float], Planted], tuple[str, str, float]] = {
+    energy: ("unaccounted_energy_part", "energy off by", 0.1),
+    penetration: WALL,
+    deep_impact: WALL,
 }
 
 
-@pytest.mark.parametrize("column", PLANTED)
-def test_an_error_of_known_size_is_found_warned_of_and_failed_at_its_time(column: str) -> None:
-    plant, words, limit = PLANTED[column]
+@pytest.mark.parametrize("plant", PLANTED)
+def test_an_error_of_known_size_is_found_warned_of_and_failed_at_its_time(
+    plant: Callable[[float], Planted],
+) -> None:
+    column, words, limit = PLANTED[plant]
     for part in np.array([0.09, 0.11, 0.9, 1.1]) * limit:
         scene, run = plant(part)
         quality = quality_of(scene, run)

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from engine_models.engine import FloatArray, Trajectory
+from engine_models.mechanics.forces import accelerations, on_ground
 from engine_models.mechanics.states import lever_m
-from engine_models.minimal.forces import Forces
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT
 from reference_solver.mechanism.mechanism import Mechanism
-from studies.judges.columns import accelerations, on_ground
 from tests.engines.runs import run
 from tests.scenes import scene
 
@@ -54,8 +53,7 @@ def ran(name: str) -> tuple[Scene, Trajectory, FloatArray]:
 
 def ground_of(of: Scene, run: Trajectory) -> FloatArray:
     """Return force and torque (n, 3) on the ground."""
-    forces = Forces(of)
-    return on_ground(forces, run, accelerations(forces, run))
+    return on_ground(of, run, accelerations(of, run))
 
 
 def close(found: FloatArray, true: FloatArray, scale: float | np.floating) -> None:
@@ -65,7 +63,7 @@ def close(found: FloatArray, true: FloatArray, scale: float | np.floating) -> No
 @pytest.mark.parametrize("name", STEPS)
 def test_what_acts_on_bodies_accelerates_them_as_the_solver_says(name: str) -> None:
     of, run, true = ran(name)
-    found = accelerations(Forces(of), run)
+    found = accelerations(of, run)
     for part in (slice(0, 2), slice(2, 3)):
         close(found[..., part], true[..., part], np.abs(true[..., part]).max())
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from engine_models.engine import RunSettings
+from engine_models.mechanics.forces import accelerations
 from engine_models.mechanics.impacts import instants_in
 from engine_models.minimal.engine import SharpSolver
 from engine_models.minimal.forces import Forces
 from engine_models.scene.library import ALL_SCENES
-from studies.judges.columns import accelerations
 
 SCENES = ("ideal-compressor", "clearance-driven-damped", "scotch-yoke", "andrews-squeezer", "quick-return")
 
@@ -17,7 +17,7 @@ SCENES = ("ideal-compressor", "clearance-driven-damped", "scotch-yoke", "andrews
 def test_reactions_from_motion_are_the_multipliers_of_the_solver(name: str) -> None:
     scene = ALL_SCENES[name]()
     of, run = Forces(scene), SharpSolver().simulate(scene, RunSettings(scene.end_time_s, 7))
-    told = of.reactions(run.time_s, run.position, run.velocity, accelerations(of, run), run.contacts)
+    told = of.reactions(run.time_s, run.position, run.velocity, accelerations(scene, run), run.contacts)
     for field in ("joint_force_N", "guide_force_N", "guide_moment_N_m"):
         for joint, force in getattr(run, field).items():
             largest = max(np.abs(each).max() for each in run.joint_force_N.values())
