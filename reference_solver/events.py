@@ -179,8 +179,7 @@ def land(run, rows, contacts, method, step, end, event, taken):
         if exact:
             more = -gap.g / gap.rate
             if trials == LANDINGS - 1:  # no nearer: after many turns angles are coarse
-                coarse = contact.noise if contact.rigid != 0.0 else gap_noise(run, rows, run.length)
-                least = max(least, coarse)
+                least = max(least, gap_noise(run, rows, run.length))
             if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
                 return step
             if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
