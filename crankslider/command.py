@@ -290,7 +290,8 @@ def conform(
         raise BadInput("NAME: expected an engine, or --from FILE.csv with --scene SCENE, got another call")
     join_engines([name] if name else [])
     checks = verdicts(make_engine(name)) if name else verdicts_on_table(str(table), str(table_scene))
-    made = [*track(checks, name or table or "", None, console=progress_console(), transient=True)]
+    quiet = not sys.stderr.isatty()  # or a line's end is left of it there
+    made = [*track(checks, name or table or "", console=progress_console(), transient=True, disable=quiet)]
     if as_json:
         print(json.dumps([each._asdict() for each in made], indent=2))
     for claim in () if as_json else dict.fromkeys(each.claim for each in made):

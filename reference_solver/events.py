@@ -183,6 +183,8 @@ def land(run, rows, contacts, method, step, end, event, taken):
             if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
                 return step
             if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
+                if abs(more) <= 1e-14 * end:  # what projection moves the pin by is no less
+                    return step
                 break
         else:
             more = PAST * (end - t) * 100.0**trials

@@ -33,14 +33,14 @@ The loop calls ``resolve`` at such an event. Numba compiles it once for all mech
 """
 
 from collections import namedtuple
-from functools import cache, partial
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from reference_solver.equations import Answer, Equations
-from reference_solver.kept_files import alone
-from reference_solver.machine_code import call, compiled, inner
+from reference_solver.machine_code import Function, call, entry, inner
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT, FRICTION_LAWS, separation
 from reference_solver.mechanism.points import State
 from reference_solver.run import (
@@ -51,7 +51,6 @@ from reference_solver.run import (
     LOG_ROWS,
     OLD,
     RUN_RECORD,
-    SLOPES,
     SPARE,
     SUPPORT,
 )
@@ -75,8 +74,8 @@ SLIDES = (0.0, -1.0, 1.0)
 OFF, EQUAL, ONE_SIDED = 0.0, 1.0, 2.0
 #: Why an event has no answer (see ``Solver``).
 SINGULAR, BLOCKED, PARADOX, UNSETTLED = 1, 2, 3, 4
-#: Numbers of every joint in ``walls_at``, and a row for velocities before an impact.
-PER_JOINT, BEGIN = 6, DENSE
+#: Numbers of every joint in ``walls_at``, a row for velocities before an impact, and those of an event.
+PER_JOINT, BEGIN, ROOM = 6, DENSE, DENSE + 1
 
 
 def walls_at(equations: Equations, answer: Answer, t: Scalar, q: Array, v: Array) -> list[Scalar]:
@@ -120,6 +119,10 @@ def look(event):
     run = event.run
     if not call(run.walls, run.walls_p, run.contacts, run.time, run.at, run.at + SPARE * run.width) < np.inf:
         run.fault = SINGULAR
+    S, told = len(event.u), event.rows[SPARE, PER_JOINT * run.rigid_joints :]
+    for i in range(S):
+        for j in range(S):
+            event.W[i, j] = told[S * (i + 1) + j]
     for contact in event.contacts:
         if contact.rigid != 0.0:
             j, at = contact.joint, event.rows[SPARE, PER_JOINT * contact.joint :]
@@ -377,12 +380,15 @@ def hit(event):
         look(event)
 
 
-def resolve(run, contacts, rows):  # type: ignore[no-untyped-def]
+@inner
+def resolve(run, contacts, rows):
     """Let pins that touch hit, follow or leave; return 1 where others follow now or none can, else 0."""
     n, S = run.n, run.wall_rows
-    speeds = rows[SPARE, PER_JOINT * run.rigid_joints :]
-    W, room = speeds[S : S + S * S].reshape(S, S), np.zeros((S, S + 4))
-    event = Event(run, contacts, rows, speeds[:S], W, room, np.zeros(S), np.zeros(S), np.zeros(S))
+    speeds, room, free = rows[SPARE, PER_JOINT * run.rigid_joints :], rows[ROOM : ROOM + S], rows[ROOM + S]
+    for i in range(3 * S):
+        free[i] = 0.0
+    vectors = free[:S], free[S : 2 * S], free[2 * S : 3 * S]
+    event = Event(run, contacts, rows, speeds[:S], room[:, :S], room[:, S : 2 * S + 4], *vectors)
     run.at_once = run.at_once + 1 if run.time == run.last_s else 1
     run.last_s, run.settled = run.time, run.settled + 1
     if run.at_once > EVENTS_AT_ONCE * len(contacts):
@@ -430,16 +436,18 @@ def resolve(run, contacts, rows):  # type: ignore[no-untyped-def]
 
 
 @cache
-def resolver() -> Any:
-    """Return ``resolve``, compiled."""
-    import numba
+def resolver() -> Function:
+    """Return ``resolve`` for calls by address."""
 
-    def enter(state, contacts, t, at, count):  # type: ignore[no-untyped-def]  # noqa: ARG001
-        run = numba.carray(state, 1)[0]
-        return of_arrays(run, numba.carray(contacts, count), numba.carray(at, (SLOPES, run.width // 8)))
+    def made() -> tuple[Any, Callable[..., Any]]:
+        from numba import carray, float64, from_dtype, int64, types
 
-    of_arrays = numba.extending.register_jitable(error_model="numpy")(resolve)
-    run, contact = (numba.types.CPointer(numba.from_dtype(of)) for of in (RUN_RECORD, CONTACT_RECORD))
-    kind = numba.float64(run, contact, numba.float64, numba.types.CPointer(numba.float64), numba.int64)
-    with alone("resolve"):
-        return compiled(by=partial(numba.cfunc, kind), error_model="numpy")(enter)
+        def enter(state, contacts, t, at, count):  # type: ignore[no-untyped-def]  # noqa: ARG001
+            run = carray(state, 1)[0]
+            shape = ROOM + run.wall_rows + 1, run.width // 8
+            return resolve(run, carray(contacts, count), carray(at, shape))
+
+        run, contact, row = map(types.CPointer, (from_dtype(RUN_RECORD), from_dtype(CONTACT_RECORD), float64))
+        return float64(run, contact, float64, row, int64), enter
+
+    return entry("resolve", made)

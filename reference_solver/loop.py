@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from reference_solver import events, steps
-from reference_solver.machine_code import call, entry, inner
+from reference_solver.machine_code import Function, call, entry, inner
 from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.run import (
     AT,
@@ -251,10 +251,10 @@ def loop_of(loose: bool, controlled: bool, knotted: bool) -> Callable[[Run], int
         records = (from_dtype(of) for of in (RUN_RECORD, CONTACT_RECORD, METHOD_RECORD, KNOT_RECORD))
         return int64(*map(types.CPointer, (*records, float64, float64, float64, int64))), enter
 
-    address, engine = entry(f"loop_{loose:d}{controlled:d}{knotted:d}", made)
-    function = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 8)(address)
+    loop = entry(f"loop_{loose:d}{controlled:d}{knotted:d}", made)
+    function = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 8)(loop.address)
 
-    def take_on(run: Run, _: Any = engine) -> int:
+    def take_on(run: Run, _: Function = loop) -> int:
         sizes = np.array([len(run.contacts), len(run.knots), *run.rows.shape, *run.samples.shape])
         arrays = run.state, run.contacts, run.method, run.knots, run.rows, run.times, run.samples, sizes
         return int(function(*(None if array is None else array.ctypes.data for array in arrays)))

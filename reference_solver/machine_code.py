@@ -214,10 +214,10 @@ def prepare() -> None:
 
 
 class Function:
-    """A function of machine code at an address, which Python can call."""
+    """A function of machine code at an address, which Python can call; ``engine`` has it in memory."""
 
     def __init__(self, address: int, engine: Any) -> None:
-        self.address, self._engine = address, engine  # whose memory the code is in
+        self.address, self._engine = address, engine
         pointer = ctypes.c_void_p
         kinds = pointer, pointer, ctypes.c_double, pointer, pointer
         self._call = ctypes.CFUNCTYPE(ctypes.c_double, *kinds)(address)
@@ -227,22 +227,12 @@ class Function:
         return float(self._call(p, contacts, t, y.ctypes.data, out.ctypes.data))
 
 
-def compile_text(text: str, names: Iterable[str]) -> dict[str, Function]:
+def compile_text(
+    text: str, names: Iterable[str], made: Callable[[], str] | None = None
+) -> dict[str, Function]:
     """Return functions of a text by their names; their object code is compiled now, or was before.
 
-    Raises:
-        FolderRefused: others could have written what was before.
-    """
-    if "call double @piece(" in text:
-        llvm.add_symbol("piece", piece()[0])
-    addresses, engine = loaded(text, lambda: text, names)
-    return {name: Function(address, engine) for name, address in addresses.items()}
-
-
-def loaded(what: str, text: Callable[[], str], names: Iterable[str]) -> tuple[dict[str, int], Any]:
-    """Return addresses of functions by their names in a text, told from others by ``what``; and their engine.
-
-    The object code is made of the text now, or was before.
+    A text that takes long is ``made`` only if it was not; what stands for it tells it from others.
 
     Raises:
         FolderRefused: others could have written what was before.
@@ -250,16 +240,18 @@ def loaded(what: str, text: Callable[[], str], names: Iterable[str]) -> tuple[di
     prepare()
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     machine = llvm.Target.from_default_triple().create_target_machine(cpu, features, opt=3, jit=True)
-    told = repr((what, llvm.llvm_version_info, machine.triple, cpu))
-    name = f"kernel-{hashlib.sha256(told.encode()).hexdigest()[:32]}.o"
+    what = repr((text, llvm.llvm_version_info, machine.triple, cpu))
+    name = f"kernel-{hashlib.sha256(what.encode()).hexdigest()[:32]}.o"
     code = read_kept(name)
     if code is None:
-        code = machine.emit_object(llvm.parse_assembly(text()))
+        code = machine.emit_object(llvm.parse_assembly(made() if made else text))
         write_kept(name, code)
+    if "call double @piece(" in text:
+        llvm.add_symbol("piece", piece().address)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return {name: engine.get_function_address(name) for name in names}, engine
+    return {name: Function(engine.get_function_address(name), engine) for name in names}
 
 
 # --------------------------------------------------------------------- functions that Numba compiles
@@ -302,8 +294,8 @@ def _register_call() -> None:
 _UNTOLD.append(_register_call)
 
 
-def entry(name: str, made: Callable[[], tuple[Any, Callable[..., Any]]]) -> tuple[int, Any]:
-    """Return the address of a function that Numba compiles now, or did before, and what has it in memory.
+def entry(name: str, made: Callable[[], tuple[Any, Callable[..., Any]]]) -> Function:
+    """Return a function that Numba compiles now, or did before.
 
     ``made`` returns its signature and itself. It allocates nothing and raises nothing: where Numba has it do
     so the process ends.
@@ -321,11 +313,10 @@ def entry(name: str, made: Callable[[], tuple[Any, Callable[..., Any]]]) -> tupl
 
     with alone(name):
         what = f"{name} {version('numba')} {digest_of(Path(__file__).parent)}"
-        addresses, engine = loaded(what, text, [name])
-    return addresses[name], engine
+        return compile_text(what, [name], text)[name]
 
 
-def compiled(kinds: str = "", by: Callable[..., Any] | None = None, **options: Any) -> Callable[[F], F]:
+def compiled(kinds: str = "", **options: Any) -> Callable[[F], F]:
     """Return what has Numba compile a function, its machine code kept if it can be.
 
     With its arguments' kinds that is done when Python first calls one of its module, for all of these, by one
@@ -338,16 +329,14 @@ def compiled(kinds: str = "", by: Callable[..., Any] | None = None, **options: A
 
         import numba
 
-        while _UNTOLD:
-            _UNTOLD.pop()()
         package = Path(str(sys.modules[function.__module__.partition(".")[0]].__file__)).parent
-        given, jit = (kinds,) if kinds else (), by or cast(Any, numba.njit)
+        jit = partial(cast(Any, numba.njit), *([kinds] if kinds else []), **options)
         try:
             folder = private_folder() / f"numba-{digest_of(package)}"
         except (FolderRefused, OSError):
-            return cast(F, jit(*given, **options)(function))
+            return cast(F, jit()(function))
         with patch.object(numba.config, "CACHE_DIR", str(folder)):
-            return cast(F, jit(*given, **options, cache=True)(function))
+            return cast(F, jit(cache=True)(function))
 
     def later(function: F) -> F:
         module, compile_once = function.__module__, cache(partial(made, function))
@@ -378,7 +367,7 @@ def digest_of(folder: Path) -> str:
 
 
 @cache
-def piece() -> tuple[int, Any]:
+def piece() -> Function:
     """Return the function that looks a table up, for the tapes' calls of this name."""
 
     def look_up(p, place, pieces, period, x, out):  # type: ignore[no-untyped-def]

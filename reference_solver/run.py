@@ -223,7 +223,8 @@ def new_run(
         contact["column"] = sums.index(f"normal{k}")
         contact["losses"] = sum(name in sums for name in (f"loss{k}", f"clip{k}", f"slide{k}"))
     of_walls = 6 * len(rigid) + wall_rows * (n + wall_rows + 2)  # see ``impacts.walls_at``
-    rows = np.zeros((SLOPES + MOST_SLOPES, max(size + gaps + 1 + 2 * n, 3 * K, of_walls)))
+    height = max(SLOPES + MOST_SLOPES, DENSE + wall_rows + 2)  # see ``impacts.resolve``
+    rows = np.zeros((height, max(size + gaps + 1 + 2 * n, 3 * K, of_walls)))
     state = np.zeros(1, RUN_RECORD)
     (run,) = state
     run["n"], run["size"], run["wall"], run["fresh"], run["condition"] = n, size, -1, -1, 1.0

@@ -102,7 +102,7 @@ def deepest_m(trajectory: Trajectory, joint: str) -> FloatArray:
     impacts, depth = contact.impacts, contact.penetration_m.copy()
     after = np.searchsorted(trajectory.time_s, impacts.largest_penetration_time_s).clip(max=len(depth) - 1)
     np.fmax.at(depth, after, impacts.largest_penetration_m)  # NaN between rigid walls
-    return depth
+    return np.asarray(depth)
 
 
 def require_quality(scene: Scene, trajectory: Trajectory) -> Trajectory:
