@@ -178,12 +178,11 @@ def land(run, rows, contacts, method, step, end, event, taken):
         gap = gap_of(run, rows, NEW, k)
         if exact:
             more = -gap.g / gap.rate
-            if trials == LANDINGS - 1:  # no nearer: after many turns angles are coarse
-                least = max(least, gap_noise(run, rows, run.length))
             if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
                 return step
-            if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
-                if abs(more) <= 1e-14 * end:  # what projection moves the pin by is no less
+            ahead = t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)
+            if trials == LANDINGS - 1 or not ahead:
+                if abs(gap.g) <= gap_noise(run, rows, run.length):  # angles are coarse after many turns
                     return step
                 break
         else:

@@ -189,8 +189,8 @@ def test_a_pin_at_rest_on_a_rigid_wall_leaves_when_a_compliant_one_lifts_it() ->
 
 def test_the_ledger_closes_at_order_four_over_a_revolution_with_impacts_closings_and_following() -> None:
     counts, of = [6000, 12000, 24000], scene("rigid").replace("clearance.B.restitution", 0.5)
-    start = [part.ravel() for part in start_state(of)]
-    runs = [run(mechanism_of(of), *start, 0.012, count, 100) for count in counts]
+    q, v = (part.ravel() for part in start_state(of))
+    runs = [run(mechanism_of(of), q, v, 0.012, count, 100) for count in counts]
     assert {impact.kind for impact in runs[-1].impacts} == {"impact", "closing"}
     assert len(runs[-1].mode_changes) > 2
     residuals = [float(np.abs(energy_residual_J(one)).max()) for one in runs]
