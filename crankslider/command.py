@@ -34,8 +34,6 @@ from studies.failures import BadInput, Failed, bug, log, progress_console, writi
 INTERRUPTED = 130
 #: Time between lines on the progress of a simulation, in s.
 LINE_S = 10.0
-#: The part of a run that has all its columns.
-BEGINNING = 1e-6
 #: Whose functions no interrupt may leave: LLVM calls them, and goes on with half a result. It comes again.
 UNBREAKABLE, AGAIN_S = "llvmlite.", 0.01
 QUIET = Annotated[bool, Option("--quiet", help="Print neither notes nor progress, and no table of samples.")]
@@ -223,10 +221,10 @@ def write(given: dict[str, Any], solve: str) -> None:
     use("require_outputs", given, scene=scene, files=files)
     if "plot_columns" in given:
         given["plot_columns"] = [name for each in given["plot_columns"] for name in each.split(",")]
-        beginning = {"end": BEGINNING * scene.end_time_s, "tolerance": None, "samples": 1, "quick": True}
+        short = {"end": 1e-6 * scene.end_time_s, "step": None, "tolerance": None, "samples": 1, "start": 0}
         with suppress(Failed), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            use("simulate", given, scene=scene, step=None, start=0, **beginning).plot(given["plot_columns"])
+            use("simulate", given, scene=scene, quick=True, **short).plot(given["plot_columns"])
     if not files and log.isEnabledFor(logging.INFO):
         given["out"] = "-"
     with progress(scene.end_time_s):

@@ -10,7 +10,7 @@ import numpy as np
 
 from reference_solver.equations import Equations
 from reference_solver.failures import DriftAmplified, EnergyNotConserved
-from reference_solver.mechanism.contacts import stored_J
+from reference_solver.mechanism import loads
 from reference_solver.mechanism.data import GROUND, Spring
 from reference_solver.mechanism.loads import Damping, Force, Load, Restoring, Torque, distance_m, potential_J
 from reference_solver.mechanism.mechanism import Mechanism
@@ -48,7 +48,7 @@ def ledger_J(run: Solution) -> FloatArray:
     for k, joint in enumerate(mechanism.contacts):
         if not joint.rigid:
             law, depth = joint.law, distance_m(joint, q) - joint.radial_clearance_m
-            stored.append(run.closed[:, k] * stored_J(law.stiffness, law.exponent, depth))
+            stored.append(run.closed[:, k] * loads.stored_J(law.stiffness, law.exponent, depth))
     lost = run.losses_J(), run.sums["removed"]
     lines = np.array([kinetic, *falls, *stored, *(-work for work in works), *lost])
     return np.asarray(lines - lines[:, :1])
@@ -142,7 +142,8 @@ def swing_s(load: Load, mechanism: Mechanism) -> float:
     A line's lever is no longer than that of its point.
     """
     if isinstance(load, Torque):
-        mobility = 1 / mechanism.bodies[load.body].inertia_kg_m2
+        turned = [body for body in (load.body, load.against) if body != GROUND]
+        mobility = sum(1 / mechanism.bodies[body].inertia_kg_m2 for body in turned)
     else:
         ends = [(load.body_i, load.point_i), (load.body_j, load.point_j)]
         bodies = [(mechanism.bodies[body], point) for body, point in ends if body != GROUND]
@@ -152,6 +153,6 @@ def swing_s(load: Load, mechanism: Mechanism) -> float:
             return float(max(np.sqrt(stiffness * mobility), damping * mobility))
         case Torque(law=Damping(damping)) | Force(law=Damping(damping)):
             return float(damping * mobility)
-        case Force(law=Restoring(stiffness)):
+        case Torque(law=Restoring(stiffness)) | Force(law=Restoring(stiffness)):
             return float(np.sqrt(stiffness * mobility))
     return 0.0

@@ -191,8 +191,7 @@ class Equations:
         for row, k in enumerate(self.following, self.own_rows):
             powers[f"normal{k}"] = -(self.mechanism.contacts[k].radial_clearance_m * lambda_[row])
         powers["drivers"] = lambda_ @ system.C
-        condition = larger(factors.condition, self._lightness)
-        condition = choose(ok, condition, math.inf)
+        condition = choose(ok, larger(factors.condition, self._lightness), math.inf)
         return Answer(A, lambda_, powers, friction, removed, damper, condition)
 
     def _fed_back(

@@ -7,20 +7,10 @@ corrected by Newton's method.
 
 import numpy as np
 
-from reference_solver.machine_code import call, inner
+from reference_solver.machine_code import inner
 from reference_solver.mechanism.contacts import CLIPPED, CONTACT, FLIGHT
 from reference_solver.run import AT, CLIP, NEW, OLD, RELEASE, RESUME, TOUCH
-from reference_solver.steps import (
-    ROUND_OFF,
-    Step,
-    attempt,
-    gap_of,
-    know_slopes,
-    place_at,
-    probe,
-    set_gaps,
-    set_within,
-)
+from reference_solver.steps import ROUND_OFF, Step, attempt, gap_of, know_slopes, place_at, probe, set_within
 
 #: Rejections after which a pin that may have been out within a step is taken to be in: round-off looks so.
 MOST_HALVED = 20
@@ -212,12 +202,8 @@ def cut(run, rows, contacts, method, step, releasing):
         # A pin that moves inwards at both ends may have been out in between where the cubic through g and its
         # rates comes near to rising, and has the wall in reach: it is back, and off again, in a shorter step.
         gap, new_gap, h = gap_of(run, rows, OLD, k), gap_of(run, rows, NEW, k), step.end - t
-        if (
-            contacts[k].phase == FLIGHT
-            and gap.rate < 0.0
-            and new_gap.rate < 0.0
-            and run.rejected < MOST_HALVED
-        ):
+        inwards = contacts[k].phase == FLIGHT and gap.rate < 0.0 and new_gap.rate < 0.0
+        if inwards and run.rejected < MOST_HALVED:
             steepest = 1.5 * (new_gap.g - gap.g) / h - 0.25 * (gap.rate + new_gap.rate)
             excess = steepest - 0.25 * min(gap.rate, new_gap.rate)
             if excess > 0.0 and max(gap.g, new_gap.g) + excess * h > contacts[k].noise:
@@ -337,15 +323,3 @@ def note_largest(run, rows, contacts, h):
                 low = x
             else:
                 high = y
-
-
-# ----------------------------------------------------------------------------------------- rigid walls
-
-
-@inner
-def resolve(run, state, contacts, k):
-    """Resolve an event on contact k's rigid wall, -1 at the start; return whether the same pins follow."""
-    run.wall = k
-    same = call(run.resolve, state.ctypes.data, run.contacts, run.time, run.at, len(contacts)) == 0.0
-    set_gaps(run, run.time, OLD)
-    return same

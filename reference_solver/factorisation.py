@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from reference_solver.tape import Array, Scalar, Value, array, both, size
+from reference_solver.tape import Array, Scalar, Value, array, both
 
 #: Rows left, a constraint among them, at which no quotient waits for another: they are multiplied up instead.
 FEW = 3
@@ -103,7 +103,7 @@ class Factors:
             if step.k >= n:
                 row = enumerate(below[step.k - n])
                 squares = [x * x * (1.0 / above[j][j]) for j, x in row if x != 0]
-                part = size(sum(squares, 0.0) * step.reciprocal * scale)
+                part = abs(sum(squares, 0.0) * step.reciprocal * scale)
                 self.condition = self.condition + (math.inf if step.reciprocal == 0 else part)
             elif not _is_known(step.reciprocal):
                 self.ok = both(self.ok, step.reciprocal > 0.0)

@@ -43,17 +43,7 @@ from reference_solver.equations import Answer, Equations
 from reference_solver.machine_code import Function, call, entry, inner
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT, FRICTION_LAWS, separation
 from reference_solver.mechanism.points import State
-from reference_solver.run import (
-    CLOSING,
-    CONTACT_RECORD,
-    DENSE,
-    IMPACT,
-    LOG_ROWS,
-    OLD,
-    RUN_RECORD,
-    SPARE,
-    SUPPORT,
-)
+from reference_solver.run import CLOSING, DENSE, IMPACT, LOG_ROWS, OLD, RECORDS, SPARE, SUPPORT
 from reference_solver.tape import Array, Scalar, array
 from reference_solver.wall_friction import LEAST_MOBILITY
 
@@ -447,7 +437,7 @@ def resolver() -> Function:
             shape = ROOM + run.wall_rows + 1, run.width // 8
             return resolve(run, carray(contacts, count), carray(at, shape))
 
-        run, contact, row = map(types.CPointer, (from_dtype(RUN_RECORD), from_dtype(CONTACT_RECORD), float64))
+        run, contact, row = map(types.CPointer, (*map(from_dtype, RECORDS[:2]), float64))
         return float64(run, contact, float64, row, int64), enter
 
     return entry("resolve", made)

@@ -15,26 +15,11 @@ import numpy as np
 from reference_solver import events, steps
 from reference_solver.machine_code import Function, call, entry, inner
 from reference_solver.mechanism.contacts import FLIGHT
-from reference_solver.run import (
-    AT,
-    CONTACT_RECORD,
-    DENSE,
-    DONE,
-    END,
-    FAILED,
-    FULL,
-    KNOT_RECORD,
-    METHOD_RECORD,
-    NEW,
-    OLD,
-    RUN_RECORD,
-    SLOPES,
-    SPENT,
-    START,
-    WALL,
-    Run,
-)
+from reference_solver.run import AT, DENSE, END, NEW, OLD, RECORDS, SLOPES, START, Run
 
+#: How ``advance`` ends: at the end, with its budget of steps used, with the log full, at a step that met a
+#: singular configuration or overflowed, or at an event on a rigid wall from which on other pins follow.
+DONE, SPENT, FULL, FAILED, WALL = range(5)
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
 #: Mobilities are looked up again after so many steps, in which bodies turn little.
@@ -121,6 +106,15 @@ def write_within(run, rows, contacts, method, times, samples, step):
 
 
 @inner
+def resolve(run, state, contacts, k):
+    """Resolve an event on contact k's rigid wall, -1 at the start; return whether the same pins follow."""
+    run.wall = k
+    same = call(run.resolve, state.ctypes.data, run.contacts, run.time, run.at, len(contacts)) == 0.0
+    steps.set_gaps(run, run.time, OLD)
+    return same
+
+
+@inner
 def move_on(run, rows, contacts, method, step, error, event, factor):
     """Move on to the end of a step, and choose the one after it."""
     old, new = rows[OLD], rows[NEW]
@@ -164,7 +158,7 @@ def advance(state, rows, contacts, method, knots, times, samples):
                 if run.time == 0.0 and run.end > 0.0 and contacts[k].rigid == 0.0 and closed:
                     events.note(run, rows, contacts, 2 * k)
             if run.rigid_joints > 0 and run.settled == 0 and run.end > 0.0:
-                if not events.resolve(run, state, contacts, -1):
+                if not resolve(run, state, contacts, -1):
                     return WALL
             steps.probe(run, rows, contacts)  # pins may have begun to follow rigid walls
         if method is not None:
@@ -194,10 +188,8 @@ def advance(state, rows, contacts, method, knots, times, samples):
         if contacts is not None:
             if error <= 1.0:
                 if method is not None:
-                    reach = steps.in_flight(
-                        run, rows, contacts, NEW, step.end - t, steps.CONTROLLED_FLIGHT_PART
-                    )
-                    error = np.inf if reach < 0.5 * (step.end - t) else error
+                    h, far = step.end - t, steps.CONTROLLED_FLIGHT_PART
+                    error = np.inf if steps.in_flight(run, rows, contacts, NEW, h, far) < 0.5 * h else error
                     factor = steps.changed(run, method, error)
             if error <= 1.0:
                 step, event, place = events.cut(run, rows, contacts, method, step, releasing)
@@ -219,7 +211,7 @@ def advance(state, rows, contacts, method, knots, times, samples):
             if event >= 0:
                 if contacts[event // 2].rigid == 0.0:
                     events.note(run, rows, contacts, event)
-                elif not events.resolve(run, state, contacts, event // 2):
+                elif not resolve(run, state, contacts, event // 2):
                     run.resumed = 0
                     return WALL
                 if run.controlled != 0 and not steps.set_slopes(run, run.time, OLD, START) < np.inf:
@@ -248,7 +240,7 @@ def loop_of(loose: bool, controlled: bool, knotted: bool) -> Callable[[Run], int
                 carray(samples, (of[4], of[5])),
             )
 
-        records = (from_dtype(of) for of in (RUN_RECORD, CONTACT_RECORD, METHOD_RECORD, KNOT_RECORD))
+        records = map(from_dtype, RECORDS)
         return int64(*map(types.CPointer, (*records, float64, float64, float64, int64))), enter
 
     loop = entry(f"loop_{loose:d}{controlled:d}{knotted:d}", made)

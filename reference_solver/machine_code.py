@@ -37,14 +37,13 @@ F = TypeVar("F", bound=Callable[..., Any])
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 ARGUMENTS = "ptr noalias readonly %p, ptr noalias readonly %contacts, double %t, ptr noalias readonly %y"
 BINARY = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
-COMPARED = {">": "ogt", "==": "oeq"}
 #: Functions of one number and of two, by their names on tapes.
 OF_ONE = {"cos": "cos", "sin": "sin", "tanh": "tanh", "sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64"}
 OF_TWO = {"pow": "pow", "copysign": "llvm.copysign.f64"}
 #: What compiles each of the functions of a module that are compiled together, and what Numba is to be told.
 _TOGETHER, _UNTOLD = defaultdict[str, list[Callable[[], Any]]](list), list[Callable[[], Any]]()
 #: What Numba's text calls to tell Python of an exception, and what ends the process in its place.
-TELLS = re.compile(r"^declare (.*@(?:numba_|NRT_|Py)\w+\(.*\)) local_unnamed_addr.*$", re.MULTILINE)
+TELLS = re.compile(r"^declare (.*@(?:numba_|NRT_|Py)\w+\(.*\))(?: \w+)*(?: #\d+)?$", re.MULTILINE)
 TRAP = "declare void @llvm.trap()\n"
 #: What texts begin with: the functions that they may call.
 HEAD = "".join(f"declare double @{name}(double)\n" for name in OF_ONE.values())
@@ -131,12 +130,12 @@ class FunctionText:
         if kind in BINARY:
             flag = "" if known is None else "contract "
             return self._line(f"{BINARY[kind]} {flag}double {texts[0]}, {texts[1]}")
-        if kind in COMPARED:
-            return self._line(f"fcmp {COMPARED[kind]} double {texts[0]}, {texts[1]}")
+        if kind == ">":
+            return self._line(f"fcmp ogt double {texts[0]}, {texts[1]}")
         if kind == "&":
             return self._line(f"and i1 {texts[0]}, {texts[1]}")
         if kind == "if":
-            return self._line(f"select i1 {texts[1]}, double {texts[0]}, double {texts[2]}")
+            return self._line(f"select i1 {texts[0]}, double {texts[1]}, double {texts[2]}")
         if kind in ("max", "min"):
             test = self._line(f"fcmp {'ogt' if kind == 'max' else 'olt'} double {texts[1]}, {texts[0]}")
             return self._line(f"select i1 {test}, double {texts[1]}, double {texts[0]}")

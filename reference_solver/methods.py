@@ -39,13 +39,8 @@ class Method:
 
 
 #: The classical method (Kutta 1901), the paper's (13).
-RK4 = Method(
-    order=4,
-    damper_limit=2.785,
-    nodes=(0.0, 0.5, 0.5, 1.0),
-    matrix=((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
-    weights=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
-)
+_MATRIX = (), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)
+RK4 = Method(4, 2.785, nodes=(0.0, 0.5, 0.5, 1.0), matrix=_MATRIX, weights=(1 / 6, 1 / 3, 1 / 3, 1 / 6))
 
 
 @cache

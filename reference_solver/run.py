@@ -10,10 +10,6 @@ from reference_solver.mechanism.contacts import FLIGHT, ClearanceJoint, steepest
 from reference_solver.methods import Method
 from reference_solver.tape import FloatArray, RecordArray
 
-#: How ``loop.advance`` ends: at the end, with its budget of steps used, with the log full, at a step that met
-#: a singular configuration or overflowed, or at an event on a rigid wall from which on other pins follow.
-DONE, SPENT, FULL, FAILED, WALL = range(5)
-
 #: Rows of a run: states at a step's start, at its end and within it; slopes at both ends; 1 over the
 #: tolerances of y, 0 of the sums; memory; from DENSE on coefficients of dense output, and from SLOPES on the
 #: slopes of stages, at the end, and what dense output takes beside them.
@@ -118,6 +114,7 @@ METHOD_RECORD = np.dtype(
 
 #: An angle in rad, modulo a period, at which a load by a body's angle is not smooth, and the coordinate.
 KNOT_RECORD = np.dtype(record("angle period", "coordinate"))
+RECORDS = RUN_RECORD, CONTACT_RECORD, METHOD_RECORD, KNOT_RECORD
 
 
 class Impact(NamedTuple):

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver.mechanism.contacts import FLIGHT
+from reference_solver.mechanism.loads import apart_m
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.mechanism.points import State, ends_of
 from reference_solver.run import IMPACT, KINDS, RELEASE, Impact, ModeChange, Run
 from reference_solver.tape import FloatArray, RecordArray
 
@@ -65,10 +65,8 @@ class Solution:
     def gap_m(self) -> FloatArray:
         """Return d, from bearing centre to pin centre, (s, K, 2)."""
         gaps = np.empty((len(self.q), len(self.mechanism.contacts), 2))
-        state = State(self.q.T, self.q.T)  # of all samples at once
         for k, joint in enumerate(self.mechanism.contacts):
-            bearing, pin = ends_of(joint, state)
-            gaps[:, k] = pin.place.T - bearing.place.T
+            gaps[:, k] = apart_m(joint, self.q)
         return gaps
 
     def losses_J(self) -> FloatArray:
@@ -78,14 +76,9 @@ class Solution:
 
 
 def solution_of(
-    run: Run,
-    mechanism: Mechanism,
-    names: list[str],
-    events: RecordArray,
-    changes: list[ModeChange],
-    took_s: float,
+    run: Run, of: Mechanism, names: list[str], events: RecordArray, changes: list[ModeChange], took_s: float
 ) -> Solution:
-    """Return what a run with a log (E,) and changes of mode gives, its sums by their names."""
+    """Return what a run of a mechanism with a log (E,) and changes of mode gives, its sums by their names."""
     samples, n, pairs, (state,) = run.samples, len(run.q), 2 * len(run.contacts), run.state
     sizes = n, n, len(names), samples.shape[1] - 2 * (n + pairs) - len(names), pairs, pairs
     ends = np.cumsum(sizes)[:-1].tolist()
@@ -97,13 +90,9 @@ def solution_of(
             happened.append(Impact(began, k, "contact", t - began, speed, impulse, nan, lost, nan, *largest))
         else:
             happened.append(Impact(t, k, KINDS[what], 0.0, speed, impulse, rubbed, lost, mass))
+    motion = of, run.times, q, v, multipliers, phases.reshape(len(samples), -1, 2)
     return Solution(
-        mechanism,
-        run.times,
-        q,
-        v,
-        multipliers,
-        phases.reshape(len(samples), -1, 2),
+        *motion,
         normal_force_N=forces[:, ::2],
         friction_force_N=forces[:, 1::2],
         sums=dict(zip(names, sums.T, strict=True)),

@@ -11,13 +11,13 @@ import numpy as np
 from reference_solver import failures
 from reference_solver.energy import Guard
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.loop import loop_of
+from reference_solver.loop import DONE, FAILED, FULL, SPENT, WALL, loop_of
 from reference_solver.mechanism.contacts import separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
 from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853, dopri5, step
-from reference_solver.run import DONE, FAILED, FULL, OLD, SPENT, START, WALL, WEIGHT, ModeChange, Run, new_run
+from reference_solver.run import OLD, START, WEIGHT, ModeChange, Run, new_run
 from reference_solver.solution import Solution, solution_of
 from reference_solver.tape import FloatArray, RecordArray
 

@@ -12,7 +12,6 @@ a mechanism, and are an array to the code (see ``machine_code``).
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -27,7 +26,7 @@ FloatArray = NDArray[np.float64]
 RecordArray = NDArray[np.void]
 
 #: Operations that are conditions, or choose by one: no numbers that could be known before a run.
-CONDITIONS = (">", "==", "&", "if")
+CONDITIONS = (">", "&", "if")
 
 
 @dataclass(eq=False)
@@ -68,9 +67,8 @@ class Tape:
 
     def keep(self, operation: str, *operands: Scalar) -> Value:
         """Return the value of an operation; conditions are no numbers and so no parameters."""
-        known = operation not in CONDITIONS and all(
-            operand.node.known for operand in operands if isinstance(operand, Value)
-        )
+        nodes = [operand.node for operand in operands if isinstance(operand, Value)]
+        known = operation not in CONDITIONS and all(node.known for node in nodes)
         return Value(self, self._node(operation, operands, known))
 
     def call(self, function: str, arguments: Iterable[Scalar], results: int) -> list[Value]:
@@ -85,10 +83,8 @@ class Tape:
         node = Node("branch", (condition, outputs, self.scopes.pop()))
         self.scopes[-1].nodes.append(node)
         self.nodes.append(node)
-        return tuple(
-            0.0 if _is(output, 0.0) else Value(self, self._node("result", (node, k), False))
-            for k, output in enumerate(outputs)
-        )
+        results = [Value(self, self._node("result", (node, k), False)) for k in range(len(outputs))]
+        return tuple(0.0 if _is(x, 0.0) else result for x, result in zip(outputs, results, strict=True))
 
     def _node(self, operation: str, operands: tuple[Any, ...], known: bool) -> Node:
         marks = [_mark(operand) for operand in operands]
@@ -150,6 +146,9 @@ class Value:
     def __pow__(self, power: Scalar) -> Scalar:
         return self * self if _is(power, 2.0) else self.tape.keep("pow", self, power)
 
+    def __abs__(self) -> Value:
+        return self.tape.keep("abs", self)
+
     def __gt__(self, other: Scalar) -> Value:
         return self.tape.keep(">", self, other)
 
@@ -209,13 +208,11 @@ cos = _of_numbers_or_values("cos", np.cos, "Return the cosine.")
 sin = _of_numbers_or_values("sin", np.sin, "Return the sine.")
 sqrt = _of_numbers_or_values("sqrt", np.sqrt, "Return the square root.")
 tanh = _of_numbers_or_values("tanh", np.tanh, "Return the hyperbolic tangent.")
-size = _of_numbers_or_values("abs", abs, "Return the absolute value.")
 larger = _of_numbers_or_values("max", max, "Return the larger of two.")
 smaller = _of_numbers_or_values("min", min, "Return the smaller of two.")
 signed = _of_numbers_or_values("copysign", np.copysign, "Return |x| with the sign of another.")
-equal = _of_numbers_or_values("==", operator.eq, "Return whether two are equal.")
 _both = _of_numbers_or_values("&", lambda x, y: bool(x) and bool(y), "Return whether both hold.")
-_choose = _of_numbers_or_values("if", lambda x, condition, y: x if condition else y, "Return x or y.")
+choose = _of_numbers_or_values("if", lambda holds, x, y: x if holds else y, "Return x if it holds, else y.")
 
 
 def both(x: Scalar, y: Scalar) -> Scalar:
@@ -225,20 +222,8 @@ def both(x: Scalar, y: Scalar) -> Scalar:
     return _both(x, y)
 
 
-def choose(condition: Scalar, x: Scalar, y: Scalar) -> Scalar:
-    """Return x where a condition holds, else y."""
-    return _choose(x, condition, y)
-
-
 def when(condition: Scalar, body: Callable[[], tuple[Scalar, ...]], outputs: int) -> tuple[Scalar, ...]:
     """Return what ``body`` returns where the condition holds, and so many zeros elsewhere."""
     if isinstance(condition, Value):
         return condition.tape.branch(condition, body)
     return body() if condition else (0.0,) * outputs
-
-
-def power(x: Scalar, exponent: Scalar) -> Scalar:
-    """Return x to the power of an exponent, by multiplication and square root where that is enough."""
-    if _is(exponent, 1.0):
-        return x
-    return x * sqrt(x) if _is(exponent, 1.5) else x**exponent

@@ -40,7 +40,7 @@ class Rattle(Engine):
     def check(self, scene: Scene) -> None:
         """Raise UnsupportedScene for a scene that the model does not cover."""
         of = scene.mechanism
-        if of.loose or of.springs or of.loads:
+        if of.loose or of.springs or of.torsions or of.loads:
             raise UnsupportedScene("rattle has no clearance, springs or loads")
         if any(guide.body_i != GROUND for guide in of.guides):
             raise UnsupportedScene("rattle has guides on the ground only")

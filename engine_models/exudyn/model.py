@@ -240,8 +240,11 @@ class Model:
                 if constant:
                     torque = [0.0, 0.0, constant]
                     self.mbs.AddLoad(items.LoadTorqueVector(markerNumber=self._marker(j), loadVector=torque))
-                sides = [self._marker(GROUND), self._marker(j)]
-                item = items.ObjectConnectorTorsionalSpringDamper(markerNumbers=sides, damping=damper)
+                spring = {"markerNumbers": [self._marker(i), self._marker(j)], "damping": damper}
+                if stiffness:
+                    spring |= self._twisted(i, j, position) | {"stiffness": stiffness}
+                    spring["offset"] += free
+                item = items.ObjectConnectorTorsionalSpringDamper(**spring)
             elif coordinate is not None:
                 branch = self.branches[coordinate[0]]
                 sign = -1.0 if branch.links[coordinate[1]].body == i else 1.0
@@ -262,6 +265,17 @@ class Model:
                 self.mbs.AddObject(item)
         if touched:
             self._add_function(rest.p, touched, position)
+
+    def _twisted(self, i: int, j: int, position: FloatArray) -> dict[str, Any]:
+        """Return the node that counts turns of body j against body i, and what their frames are turned by."""
+        bodies = [(sign, body) for sign, body in ((1.0, j), (-1.0, i)) if body != GROUND]
+        links = [
+            (sign, body, self.branches[b].links[k]) for sign, body in bodies for b, k in [self._places[body]]
+        ]
+        offset = -sum(sign * link.turned_rad for sign, _, link in links)
+        begin = [offset + sum(sign * float(position[body, 2]) for sign, body, _ in links)]
+        node = items.NodeGenericData(initialCoordinates=begin, numberOfDataCoordinates=1)
+        return {"nodeNumber": self.mbs.AddNode(node), "offset": offset}
 
     def _add_function(self, p: FloatArray, bodies: set[int], position: FloatArray) -> None:
         """Add the loads in p on bodies as a function of Python.

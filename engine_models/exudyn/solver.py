@@ -129,7 +129,7 @@ def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> fl
             speed = max(speed, math.sqrt(math.hypot(*of.gravity_m_s2) / lever))
     angle = min(speed * step_s, LARGEST_TURN_RAD)
     # The norm of what the longest link moves and turns by where the shortest one turns by 1 rad.
-    size = shortest_m(scene) * math.hypot(1.0, 1 / max(levers_m(of))) if len(of.bodies) > 1 else 1.0
+    size = shortest_m(scene) * math.hypot(1.0, 1 / (max(levers_m(of)) or 1.0)) if len(of.bodies) > 1 else 1.0
     if scene.clearances:  # no coarser than touch and release are told apart
         bound = min(size * angle**3 / 25, EVENT_GAP_M["implicit"])
     else:

@@ -10,8 +10,8 @@ from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contacts import exponent_of as exponent_of
 from reference_solver.mechanism.contacts import stiffness_of as stiffness_of
-from reference_solver.mechanism.contacts import stored_J
-from reference_solver.mechanism.data import Spring
+from reference_solver.mechanism.data import GROUND, Spring
+from reference_solver.mechanism.loads import stored_J
 
 #: What lies below these, in parts of what forces do in a radian of the crank and in J, is rounding at rest.
 ROUND_OFF, LEAST_J = 1e-6, 1e-9
@@ -41,8 +41,12 @@ def potential_energies_J(scene: Scene, trajectory: Trajectory) -> dict[str, Floa
     parts = dict[str, FloatArray]()
     if gx or gy:
         parts["gravitational"] = -gy * (x[:, :, 1] @ masses) - gx * (x[:, :, 0] @ masses)
-    if of.springs:
-        parts["spring"] = np.sum([_spring_energy_J(spring, x) for spring in of.springs], axis=0)
+    if of.springs or of.torsions:
+        stored = [_spring_energy_J(spring, x) for spring in of.springs]
+        for it in of.torsions:
+            angle = x[:, it.body_j, 2] - (x[:, it.body_i, 2] if it.body_i != GROUND else 0.0)
+            stored.append(it.stiffness_N_m_rad / 2 * (angle - it.free_angle_rad) ** 2)
+        parts["spring"] = np.sum(stored, axis=0)
     if trajectory.contacts:
         parts["elastic"] = np.sum([c.elastic_energy_J for c in trajectory.contacts.values()], axis=0)
     return parts

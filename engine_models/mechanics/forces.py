@@ -51,7 +51,7 @@ def works_J(scene: Scene, position: FloatArray, integrals: Mapping[str, FloatArr
     """Return the work of each load, and "driver", since the first of positions, (n,).
 
     Those of ``integrals_of`` are given. The others follow from where the bodies are; what a spring between
-    points stores is none.
+    points or bodies stores is none.
     """
     works = dict[str, FloatArray]()
     for name, load in _named(scene).items():
@@ -63,7 +63,7 @@ def works_J(scene: Scene, position: FloatArray, integrals: Mapping[str, FloatArr
             match load.law:
                 case Constant(size):
                     works[name] = size * gone
-                case Restoring(stiffness, free):
+                case Restoring(stiffness, free) if isinstance(load, Force):
                     works[name] = -stiffness * gone * (middle - free)
     return {**works, **integrals}
 
@@ -104,6 +104,8 @@ def accelerations(scene: Scene, run: Trajectory) -> FloatArray:
     for name, load in loads.items():
         if isinstance(load, Torque):
             F[:, load.body, 2] += sizes[name]
+            if load.against != GROUND:
+                F[:, load.against, 2] -= sizes[name]
         elif isinstance(load, Spring):
             i, j = ends_of(load, x, v)
             between(load, sizes[name][:, None] * _unit(i.place_m - j.place_m))
@@ -140,7 +142,7 @@ def _named(scene: Scene) -> dict[str, Load]:
 def _place(load: Force | Torque, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return s and s' of a load's law, (n,) each."""
     if isinstance(load, Torque):
-        return position[:, load.body, 2], velocity[:, load.body, 2]
+        return load.turned(State(*(states.reshape(len(states), -1).T for states in (position, velocity))))
     return way(load, position, velocity)
 
 

@@ -44,13 +44,13 @@ def checked_start(scene: Scene) -> tuple[FloatArray, FloatArray]:
     """
     position, velocity = start_state(scene)
     _require_touches(scene, position, velocity)
-    return position - _turns(position), velocity
+    return position - _turns(scene, position), velocity
 
 
-def _turns(position: FloatArray) -> FloatArray:
+def _turns(scene: Scene, position: FloatArray) -> FloatArray:
     """Return the whole turns, by twos, in angles of positions (bodies, 3), in their shape."""
     turns = np.zeros_like(position)
-    turns[:, 2] = turns_of(position[:, 2])
+    turns[:, 2] = turns_of(scene.mechanism, position[:, 2])
     return turns
 
 
@@ -80,5 +80,5 @@ def _require_touches(scene: Scene, position: FloatArray, velocity: FloatArray) -
 
 def unwound(scene: Scene, trajectory: Trajectory) -> Trajectory:
     """Return a run from ``checked_start`` with the scene's own turns in the bodies' angles again."""
-    trajectory.position[...] += _turns(start_state(scene)[0])
+    trajectory.position[...] += _turns(scene, start_state(scene)[0])
     return trajectory

@@ -103,15 +103,16 @@ def turned_apart(line: Line, position: FloatArray) -> FloatArray:
     return np.asarray(next(angles) - next(angles))
 
 
-def turns_of(angle: FloatArray) -> FloatArray:
+def turns_of(of: MechanismData, angle: FloatArray) -> FloatArray:
     """Return the whole turns by twos in angles (n,), 0 in those of up to two.
 
-    They would cost digits; a sine's own reduction is exact, and gas is the same after two turns.
+    They would cost digits; a sine's own reduction is exact, and gas is the same after two turns. A torsion
+    spring is not: with one there are none.
     """
     within = np.arctan2(np.sin(angle), np.cos(angle))
     count = np.round((angle - within) / math.tau)
     kept = within + math.tau * np.mod(count, 2)
-    return np.where(np.abs(angle) <= 4 * math.pi, 0.0, angle - kept)
+    return np.where((np.abs(angle) <= 4 * math.pi) | bool(of.torsions), 0.0, angle - kept)
 
 
 def levers_m(of: MechanismData) -> list[float]:

@@ -275,7 +275,7 @@ def forces(p: Array, t: float, q: Array, v: Array, F: Array, told: Array, powers
         kind, ends = int(e[0]), e[1:7]
         rate = place = ux = uy = ax = ay = bx = by = 0.0
         if kind == TURN:
-            rate = spin(v, int(e[4]))
+            place, rate = spin(q, int(e[4])) - spin(q, int(e[1])), spin(v, int(e[4])) - spin(v, int(e[1]))
         else:
             ax, ay, bx, by, dx, dy, vx, vy = apart(q, v, ends)
             if kind == PULL:
@@ -296,10 +296,12 @@ def forces(p: Array, t: float, q: Array, v: Array, F: Array, told: Array, powers
             force += curve_at(p, e[BY_TIME], s[CLOCK] + t)[0]
         if e[BY_RATE] >= 0.0:
             force += curve_at(p, e[BY_RATE], rate)[0]
-        powers[place_of] = (force if kind == PULL else force + elastic) * rate  # a spring has a potential
+        powers[place_of] = (force + elastic if kind == LINE else force) * rate  # a spring has a potential
         told[at] = force = force + elastic
         if kind == TURN:
             F[3 * int(e[4]) + 2] += force
+            if e[1] >= 0.0:
+                F[3 * int(e[1]) + 2] -= force
         else:
             push(F, ends, ax, ay, bx, by, force * ux, force * uy)
         at, place_of = at + 1, place_of + 1

@@ -136,7 +136,7 @@ class Numbers:
         self._curves, self._pieces = list[list[float]](), [np.zeros((0, 5))]
         parts, joints, motion = [*self._parts()], [*self._joints(q)], self._motion()
         self.parts = [name for name, _ in parts]
-        undamped = {f"spring:{spring.name}" for spring in of.springs if not spring.damping_N_s_m}
+        undamped = {name for name, row in parts if ":" in name and not row[eq.DAMPER]}
         self.working = [name for name in self.parts if name not in {"driver", *undamped}]
         self.rows = sum(2 if row[0] == eq.PIN else 1 for row in joints)
         contacts = [[*_ends(pin), *wall_of(pin.clearance, damping)] for pin in of.loose if pin.clearance]
@@ -239,6 +239,10 @@ class Numbers:
             ends = [eq.PULL, s.body_i, *s.point_i, s.body_j, *s.point_j, 0.0]
             pull = {eq.DAMPER: s.damping_N_s_m, eq.SPRING: s.stiffness_N_m, eq.FREE: s.free_length_m}
             yield f"spring:{s.name}", _part(ends, pull)
+        for it in self.of.torsions:
+            ends = [eq.TURN, it.body_i, 0.0, 0.0, it.body_j, 0.0, 0.0, 0.0]
+            twist = {eq.DAMPER: it.damping_N_m_s, eq.SPRING: it.stiffness_N_m_rad, eq.FREE: it.free_angle_rad}
+            yield f"torsion:{it.name}", _part(ends, twist)
         body, rate = self.of.drive.body, self.size + 3 * self.of.drive.body + 2
         turn = [eq.TURN, *GROUND, body, 0.0, 0.0, 0.0]
         match self.of.drive.law:
@@ -283,7 +287,7 @@ class Model(Numbers):
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         q, v = np.array(scene.placed.q), np.array(scene.placed.v)
-        self.turns_rad = turns_of(q[2::3])
+        self.turns_rad = turns_of(scene.mechanism, q[2::3])
         q[2::3] -= self.turns_rad
         super().__init__(scene.mechanism, q, damping_of)
         of_contacts = self.told[self.first : self.first + eq.OF_CONTACT * len(self.contacts)]

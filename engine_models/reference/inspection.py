@@ -50,7 +50,7 @@ def _size(scene: Scene, rank: Rank) -> str:
         "body": len(of.bodies),
         "joint": len(of.pins),
         "guide": len(of.guides),
-        "spring": len(of.springs),
+        "spring": len(of.springs) + len(of.torsions),
     }
     parts = ", ".join(_counted(count, name) for name, count in counts.items() if count)
     loose = f" (with {', '.join(scene.clearances)} taken as ideal)" if of.loose else ""

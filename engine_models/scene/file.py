@@ -4,7 +4,6 @@ import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from engine_models.scene.format import SceneError as SceneError
@@ -17,8 +16,6 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # type: ignore[import-not-found,unused-ignore]
 
-#: Values of fields by their paths, as ``Scene.replace`` takes them.
-NONE: Mapping[str, object] = MappingProxyType({})
 #: A section's head, or a key before its value: names with dots between them.
 NAME = r"(?:[\w-]+|\"[^\"\n]*\"|'[^'\n]*')"
 LINE = re.compile(rf"\s*(\[?)\s*({NAME}(?:\s*\.\s*{NAME})*)\s*[]=]")
@@ -34,12 +31,12 @@ def entries(text: str) -> dict[str, Any]:
     return data
 
 
-def from_toml(text: str, folder: Path = Path(), changes: Mapping[str, object] = NONE) -> Scene:
+def from_toml(text: str, folder: Path = Path(), changes: Mapping[str, object] = {}) -> Scene:
     """Return the scene that a TOML text describes with some changes, with tables in a folder."""
     return Scene.checked(with_fields(entries(text), changes), folder)
 
 
-def load(path: Path, changes: Mapping[str, object] = NONE, option: str = "") -> Scene:
+def load(path: Path, changes: Mapping[str, object] = {}, option: str = "") -> Scene:
     """Return the scene in a TOML file, whose tables are beside it, with changes that an option asked for.
 
     Raises BadInput where there is no text, SceneError where that is no scene: what is wrong in the file is

@@ -6,7 +6,7 @@ may be text with another one: ``"50 mm"``.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
-from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown, unknown_key
+from engine_models.scene.plain_words import BadInput, expect, one_of, refusals, shown, unknown_key
 from engine_models.scene.tables import read_columns
 from engine_models.scene.units import in_own_units
 from reference_solver.mechanism import data
@@ -61,13 +61,6 @@ def require(holds: bool, field: str, expected: str, came: object) -> None:
     if not holds:
         got = f"{came:g}" if isinstance(came, float) else shown(came)
         raise ValueError(f"{field}: expected {expected}, got {got}")
-
-
-def require_known(path: str, name: str, choices: Iterable[str], what: str) -> None:
-    """Refuse a name that is none of the choices."""
-    choices = list(choices)
-    if name not in choices:
-        raise ValueError(unknown(path, name, choices, f"{what} ({', '.join(choices) or 'none'})"))
 
 
 Positive = Annotated[float, Field(gt=0)]
@@ -219,6 +212,15 @@ class Spring(SceneData):
     stiffness_N_m: Positive
     free_length_m: NonNegative
     damping_N_s_m: NonNegative = 0.0
+
+
+class Torsion(SceneData):
+    """A torsion spring, and a rotational damper, from a body or the ground to another (``data.Torsion``)."""
+
+    between: Annotated[tuple[PartName, PartName], Field(strict=False)]
+    stiffness_N_m_rad: NonNegative
+    free_angle_rad: Angle = 0.0
+    damping_N_m_s: NonNegative = 0.0
 
 
 class Friction(SceneData):

@@ -16,8 +16,8 @@ from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, model_valid
 
 from engine_models.scene import format as form
 from engine_models.scene.arguments import check_arguments
-from engine_models.scene.format import Named, Place, SceneError, require, require_known
-from engine_models.scene.plain_words import expect, one_of
+from engine_models.scene.format import Named, Place, SceneError, require
+from engine_models.scene.plain_words import expect, one_of, unknown
 from engine_models.scene.short import OF_GENERAL, CrankSlider, assembled, in_short
 from reference_solver.mechanism import data
 from reference_solver.mechanism.assembly import Joints, Quantity, Told, assemble, require_closed
@@ -73,6 +73,7 @@ class Scene(form.Top):
     observe: str
     turning: str | None = None
     spring: Named[form.Spring] = Field({})
+    torsion: Named[form.Torsion] = Field({})
     load: Named[form.Load] = Field({})
     drive: form.Drive = form.Drive(kind="free")
     clearance: Named[form.Clearance] = Field({})
@@ -84,8 +85,8 @@ class Scene(form.Top):
     def _hangs_together(self, info: ValidationInfo) -> "Scene":
         self._short = (info.context or {}).get("short")
         for path, name, choices, what in _names(self):
-            if name is not None:
-                require_known(path, name, choices, what)
+            if name is not None and name not in (known := [*choices]):
+                raise ValueError(unknown(path, name, known, f"{what} ({', '.join(known) or 'none'})"))
         _check_parts(self)
         self.placed  # noqa: B018  put together, or refused
         return self
@@ -202,8 +203,7 @@ class Scene(form.Top):
     @property
     def clearances(self) -> dict[str, form.Clearance]:
         """The clearances of the joints that have one, by the joints' names, in their order."""
-        names = [pin.name for pin in self.mechanism.pins]
-        return {name: self.clearance[name] for name in names if name in self.clearance}
+        return {pin.name: self.clearance[pin.name] for pin in self.mechanism.loose}
 
 
 def with_fields(data: dict[str, Any], fields: Mapping[str, object]) -> dict[str, Any]:
@@ -232,9 +232,13 @@ def _names(scene: Scene) -> Iterator[tuple[str, str | None, Iterable[str], str]]
         others = [it for it in ("ground", *bodies) if it != guide.body]
         yield f"guide.{name}.on", guide.on, others, "ground or another body"
     ends = [f"{part}.{pin}" for pin, parts in pins.items() for part in parts]
-    for name, spring in scene.spring.items():
-        for place, end in enumerate(spring.between):
-            yield f"spring.{name}.between.{place}", end, ends, "a body.pin"
+    of_torsion = "torsion", ["ground", *bodies], "ground or a body, not"
+    for kind, choices, what in (("spring", ends, "a body.pin, not of"), of_torsion):
+        for name, spring in getattr(scene, kind).items():
+            for place, end in enumerate(spring.between):
+                other = spring.between[1 - place].partition(".")[0]
+                others = [it for it in choices if it.partition(".")[0] != other]
+                yield f"{kind}.{name}.between.{place}", end, others, f"{what} {other}"
     joints = [pin for pin, parts in pins.items() if len(parts) == 2]
     for pin, room in scene.clearance.items():
         yield f"clearance.{pin}", pin, joints, "a pin of two bodies, of two at one place where three meet"
@@ -269,9 +273,6 @@ def _check_parts(scene: Scene) -> None:
         require(of_all, f"start.{name}", "the state of every body or of none", None)
     for name in scene.guide:
         require(name not in scene.pins, f"guide.{name}", "a name that no pin has", name)
-    for name, spring in scene.spring.items():
-        first, second = (end.partition(".")[0] for end in spring.between)
-        require(first != second, f"spring.{name}.between", "pins of two bodies", spring.between)
     for pin, (number, _) in scene.markers.items():
         expected = f"a pin that a body has too ({', '.join(name for name in scene.pins if name != pin)})"
         require(number != GROUND, f"ground.pins_m.{pin}", expected, pin)
@@ -331,11 +332,16 @@ def _mechanism(scene: Scene) -> data.MechanismData:
 
     guides = each(data.Guide, scene.guide, lambda it: ((it.on, it.through_m), (it.body, it.pin)))
     springs = each(data.Spring, scene.spring, lambda it: (end.split(".") for end in it.between))
+    torsions = tuple(
+        _data(data.Torsion, it, name=name, body_i=i, body_j=j)
+        for name, it in scene.torsion.items()
+        for i, j in [map(scene.number, it.between)]
+    )
     bodies = tuple(_data(data.Body, it, name=name) for name, it in scene.body.items())
     loads = tuple(_load(scene, name, it, guides) for name, it in scene.load.items())
     gravity = scene.gravity_m_s2 if isinstance(scene.gravity_m_s2, tuple) else (0.0, -scene.gravity_m_s2)
     drive = _drive(scene, bodies, guides)
-    return data.MechanismData(bodies, pins, guides, springs, loads, drive, gravity)
+    return data.MechanismData(bodies, pins, guides, springs, torsions, loads, drive, gravity)
 
 
 def _ends(scene: Scene, i: Any, j: Any) -> dict[str, Any]:
@@ -351,13 +357,10 @@ def _load(scene: Scene, name: str, load: form.Load, guides: tuple[data.Guide, ..
         point = (0.0, 0.0) if load.pin is None else scene.point(name, load.pin)
         fixed = data.Line(GROUND, (0.0, 0.0), body, point, load.along_rad or 0.0)
         line = next((it for it in guides if it.body_j == body and load.guide in (None, it.name)), fixed)
-    tables = {
-        f"{column.partition('_')[0]}_by_time": by_time.table("time_s", column)
-        for column in ("force_N", "torque_N_m")
-        if by_time and getattr(by_time, column)
-    }
+    force = by_time.table("time_s", "force_N") if by_time and by_time.force_N else None
+    twist = by_time.table("time_s", "torque_N_m") if by_time and by_time.torque_N_m else None
     of_gas = gas and data.GasData(scene.number(gas.body or scene.driven), gas.by_angle)
-    return _data(data.Load, load, body=body, line=line, gas=of_gas, **tables)
+    return _data(data.Load, load, body=body, line=line, gas=of_gas, force_by_time=force, torque_by_time=twist)
 
 
 def _drive(scene: Scene, bodies: tuple[data.Body, ...], guides: tuple[data.Guide, ...]) -> data.DriveData:
@@ -369,10 +372,8 @@ def _drive(scene: Scene, bodies: tuple[data.Body, ...], guides: tuple[data.Guide
     body, speed = scene.number(name) if number is None else guides[number].body_j, told.get(name, 0.0)
     if start.states and name not in told:
         q, v = state_of(scene)
-        row = Joints(data.MechanismData(bodies, ())).told_rows(
-            q, [body if number is None else guides[number]]
-        )
-        speed = float((row @ v)[0])
+        driven = body if number is None else guides[number]
+        speed = float((Joints(data.MechanismData(bodies, ())).told_rows(q, [driven]) @ v)[0])
     law: data.DriveLaw | None = None
     match drive.kind:
         case "constant-speed":

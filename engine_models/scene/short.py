@@ -92,6 +92,7 @@ class CrankSlider(form.Top):
     drive: form.Drive
     load: Named[CrankLoad] = Field({})
     spring: Named[form.Spring] = Field({})
+    torsion: Named[form.Torsion] = Field({})
     clearance: Named[form.Clearance] = Field({})
 
     @model_validator(mode="after")
@@ -163,15 +164,14 @@ def assembled(short: CrankSlider, angle_rad: float, speed_rad_s: float) -> tuple
         x, y = np.cos(angle), np.sin(angle)
         return np.array([[distance_m * x, distance_m * y], [-distance_m * rate * y, distance_m * rate * x]])
 
-    crank, theta, omega = short.crank, angle_rad, speed_rad_s
     state = np.zeros((2, 1 if short.rod is None else 3, 3))
-    state[:, 0, :2] = along(crank.centre_of_mass_m, theta, omega)
-    state[:, 0, 2] = theta, omega
+    state[:, 0, :2] = along(short.crank.centre_of_mass_m, angle_rad, speed_rad_s)
+    state[:, 0, 2] = angle_rad, speed_rad_s
     if (rod := short.rod) is not None:
-        r, length = crank.length_m, rod.length_m
-        phi = np.arcsin(-r / length * np.sin(theta))
-        phi_rate = -r * np.cos(theta) / (length * np.cos(phi)) * omega
-        pin = along(r, theta, omega)
+        r, length = short.crank.length_m, rod.length_m
+        phi = np.arcsin(-r / length * np.sin(angle_rad))
+        phi_rate = -r * np.cos(angle_rad) / (length * np.cos(phi)) * speed_rad_s
+        pin = along(r, angle_rad, speed_rad_s)
         state[:, 1, :2] = pin + along(rod.centre_of_mass_m, phi, phi_rate)
         state[:, 1, 2] = phi, phi_rate
         state[:, 2, 0] = (pin + along(length, phi, phi_rate))[:, 0]

@@ -23,6 +23,7 @@ UNITS = {name: name for name in ("m", "kg", "s", "rad", "Hz", "N", "Pa")} | {
     "N_m": "N m",
     "spring_N_m": "N/m",
     "stiffness_N_m": "N/m",
+    "N_m_rad": "N m/rad",
     "N_s_m": "N s/m",
     "N_m_s": "N m s",
     "end_slopes": "rad/s",  # of a table

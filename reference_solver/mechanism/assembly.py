@@ -5,21 +5,13 @@ closes what is open, joints with clearance taken as ideal. Velocities follow fro
 """
 
 import math
-from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from reference_solver.failures import listed
-from reference_solver.mechanism.constraints import (
-    PrescribedMotion,
-    PrescribedSlide,
-    System,
-    row_dependence,
-    row_slices,
-    system_of,
-)
+from reference_solver.mechanism import constraints
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, Line, MechanismData, Pin
 from reference_solver.mechanism.mechanism import Mechanism, along, light, mechanism_of
 from reference_solver.mechanism.points import State, line_at
@@ -32,8 +24,6 @@ LARGEST_TURN_RAD, MOST_STEPS, CLOSED = 0.5, 100, 1e-12
 RANK_TOLERANCE, SHARE = 1e-9, 1e-6
 #: A start that is given may be off by so much, in m and rad, and speeds by this part of the fastest.
 START_TOLERANCE = 1e-9
-
-
 #: What may be told: the angle of a body, by its number, or the way along a guide, or a line like one.
 Quantity = int | Guide
 
@@ -70,9 +60,9 @@ class NotAssembled(ValueError):
 def rows_named(mechanism: Mechanism) -> list[tuple[str, str]]:
     """Return the name of the joint of every row with the unit of its gap, (m,)."""
     rows = list[tuple[str, str]]()
-    for k, part in enumerate(row_slices(mechanism.constraints, 3 * len(mechanism.bodies))):
+    for k, part in enumerate(constraints.row_slices(mechanism.constraints, 3 * len(mechanism.bodies))):
         constraint = mechanism.constraints[k]
-        units = ["rad" if isinstance(constraint, PrescribedMotion) else "m", "m"]
+        units = ["rad" if isinstance(constraint, constraints.PrescribedMotion) else "m", "m"]
         units[1] = "rad" if isinstance(constraint, Guide) else "m"
         rows += [(mechanism.name_of(k), unit) for unit in units[: part.stop - part.start]]
     return rows
@@ -84,13 +74,13 @@ class Joints:
     def __init__(self, of: MechanismData, driven: bool = False) -> None:
         pins = tuple(replace(pin, clearance=None) for pin in of.pins)
         drive = of.drive if driven else replace(of.drive, law=None)
-        mechanism = mechanism_of(replace(of, pins=pins, loads=(), springs=(), drive=drive))
+        mechanism = mechanism_of(MechanismData(of.bodies, pins, of.guides, drive=drive))
         self.data, self.n, self._still = of, 3 * len(of.bodies), np.zeros(3 * len(of.bodies))
         self._constraints, self.rows = mechanism.constraints, rows_named(mechanism)
         self.inverse_mass = 1.0 / mechanism.masses
 
-    def _system(self, q: FloatArray) -> System:
-        return system_of(self._constraints, State(q, self._still), self._still)
+    def _system(self, q: FloatArray) -> constraints.System:
+        return constraints.system_of(self._constraints, State(q, self._still), self._still)
 
     def gaps(self, q: FloatArray) -> FloatArray:
         """Return how far the rows are open, in m and rad, (m,)."""
@@ -102,24 +92,15 @@ class Joints:
 
     def told_rows(self, q: FloatArray, told: Iterable[Quantity]) -> FloatArray:
         """Return the rows that give from velocities (n,) the rates of what is told."""
-        rows, still = [np.eye(self.n)[:0]], ConstantSpeed(0.0)
-        for it in told:
-            if isinstance(it, int):
-                rows.append(np.eye(self.n)[[3 * it + 2]])
-            else:
-                slide = PrescribedSlide(*along(it), still)
-                rows.append(np.asarray(system_of([slide], State(q, self._still), self._still).B, float))
-        return np.vstack(rows)
+        of, still = State(q, self._still), ConstantSpeed(0.0)
+        turned, moved = constraints.PrescribedMotion, constraints.PrescribedSlide
+        drivers = [turned(it, still) if isinstance(it, int) else moved(*along(it), still) for it in told]
+        return np.asarray(constraints.system_of(drivers, of, self._still).B, float)
 
-    def told(self, q: FloatArray, told: Iterable[Quantity]) -> FloatArray:
+    def told(self, q: FloatArray, told: Collection[Quantity]) -> FloatArray:
         """Return the angles of bodies in rad and the ways along guides in m that are told."""
-        values = []
-        for it in told:
-            if isinstance(it, int):
-                values.append(q[3 * it + 2])
-            else:
-                _, _, direction, _, d = line_at(it, State(q, q))
-                values.append(direction @ d)
+        lines = {it: line_at(it, State(q, q)) for it in told if not isinstance(it, int)}
+        values = [q[3 * it + 2] if isinstance(it, int) else lines[it][2] @ lines[it][4] for it in told]
         return np.array(values, float)
 
     def names(self, told: Iterable[Quantity]) -> list[str]:
@@ -136,7 +117,7 @@ class Joints:
 
     def rank(self, q: FloatArray) -> Rank:
         """Return the rank of the rows at a position."""
-        values, shares = row_dependence(self.matrix(q), self.inverse_mass, RANK_TOLERANCE)
+        values, shares = constraints.row_dependence(self.matrix(q), self.inverse_mass, RANK_TOLERANCE)
         rank = int((values > RANK_TOLERANCE).sum())
         names = [name for name, _ in self.rows]
         nearest = names[int(shares.argmax())] if names else ""
@@ -146,14 +127,10 @@ class Joints:
 
 @dataclass(frozen=True)
 class Assembled:
-    """A start that was put together: q and v, (n,) each, its rank, and by how much it was moved.
-
-    ``moved`` tells that in words. ``drive_moves`` says whether the joints let move what the drive is on.
-    """
+    """A start, q and v (n,) each: whether joints let move what the drive is on; in words, what was moved."""
 
     q: FloatArray
     v: FloatArray
-    rank: Rank
     drive_moves: bool
     moved: str
 
@@ -182,7 +159,7 @@ def assemble(of: MechanismData, told: Told) -> Assembled:
     for name in joints.names(ways):
         moved.append((f"{name} moved by", float(np.linalg.norm(off[[it.name == name for it in ways]])), "m"))
     words = ", ".join(f"{what} {abs(x):.3g} {unit}" for what, x, unit in moved if abs(x) > CLOSED)
-    return Assembled(q, v, rank, joints.lets_move(q, row), words or "nothing moved")
+    return Assembled(q, v, joints.lets_move(q, row), words or "nothing moved")
 
 
 def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
@@ -191,8 +168,8 @@ def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
     Raises:
         NotAssembled: at q and v, (n,) each, one is not, by more than ``START_TOLERANCE``.
     """
-    mechanism = mechanism_of(replace(of, pins=of.ideal, loads=(), springs=()))
-    system, rows = system_of(mechanism.constraints, State(q, v), q), rows_named(mechanism)
+    mechanism = mechanism_of(MechanismData(of.bodies, of.ideal, of.guides, drive=of.drive))
+    system, rows = constraints.system_of(mechanism.constraints, State(q, v), q), rows_named(mechanism)
     gaps, speeds = np.abs(np.asarray(system.g, float)), np.abs(np.asarray(system.B @ v - system.C, float))
     if not gaps.max(initial=0.0) <= START_TOLERANCE:
         name, unit = rows[int(gaps.argmax())]
@@ -277,22 +254,18 @@ def hung(of: MechanismData, told: Told) -> FloatArray:
     q[2::3] = _told_angles(of, told)
     links: list[tuple[Pin | Line, float]] = [(pin, 0.0) for pin in of.pins]
     links += [(guide, told.values.get(guide, 0.0)) for guide in of.guides]
-    done, waiting = {GROUND}, deque([GROUND])
-    while waiting:
-        here = waiting.popleft()
+    state, placed = State(q, q), [GROUND]
+    for here in placed:  # it grows
         for link, way in links:
             there = {link.body_i: link.body_j, link.body_j: link.body_i}.get(here)
-            if there is None or there in done:
+            if there is None or there in placed:
                 continue
-            along = 0.0
-            if isinstance(link, Line):
-                along = way * State(q, q).direction(link.body_i, link.angle_rad)
+            along = way * state.direction(link.body_i, link.angle_rad) if isinstance(link, Line) else 0.0
             sign = 1.0 if here == link.body_i else -1.0
             own, others = (link.point_i, link.point_j) if sign > 0 else (link.point_j, link.point_i)
-            # Until now the other body is at the origin.
-            q[3 * there : 3 * there + 2] = place_of(q, here, own) + sign * along - place_of(q, there, others)
-            done.add(there)
-            waiting.append(there)
+            begin, end = state.point(here, own).place, state.point(there, others).place
+            q[3 * there : 3 * there + 2] = begin + sign * along - end  # until now that is at the origin
+            placed.append(there)
     return q
 
 
@@ -315,8 +288,3 @@ def _told_angles(of: MechanismData, told: Told) -> FloatArray:
                 angles[j] = own + (math.remainder(angles[j] - own, 2 * math.pi) if j in told.values else 0.0)
             known.add(j)
     return angles
-
-
-def place_of(q: FloatArray, body: int, point: tuple[float, float]) -> FloatArray:
-    """Return where a point of a body is, (2,), at coordinates (n,)."""
-    return np.asarray(State(q, q).point(body, point).place)

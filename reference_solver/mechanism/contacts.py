@@ -17,7 +17,6 @@ import math
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,22 +25,7 @@ from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Ends, F
 from reference_solver.mechanism.lifting import WRITTEN_OUT
 from reference_solver.mechanism.loads import Forces, pair
 from reference_solver.mechanism.points import State, ends_of, speed_row
-from reference_solver.tape import (
-    Array,
-    FloatArray,
-    Scalar,
-    array,
-    choose,
-    equal,
-    larger,
-    power,
-    signed,
-    size,
-    smaller,
-    sqrt,
-    tanh,
-    when,
-)
+from reference_solver.tape import Array, Scalar, array, choose, larger, signed, smaller, sqrt, tanh, when
 
 #: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
 #: clipped because the law would pull.
@@ -49,17 +33,15 @@ FLIGHT, CONTACT, CLIPPED = 0.0, 1.0, 2.0
 #: Floor of the approach speed in laws that divide by it, where no other is given.
 MINIMUM_IMPACT_SPEED_M_S = 1e-6
 #: Damping factor a(e) by law, e the nominal restitution.
-DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = MappingProxyType(
-    {
-        "hunt-crossley": lambda e: 3 * (1 - e) / 2,
-        "lankarani-nikravesh": lambda e: 3 * (1 - e**2) / 4,
-        "gonthier": lambda e: (1 - e**2) / e,
-        "zhiying-qishao": lambda e: 3 * (1 - e**2) / 4 * math.exp(2 * (1 - e)),
-        "flores": lambda e: 8 * (1 - e) / (5 * e),
-        "hu-guo": lambda e: 3 * (1 - e) / (2 * e),
-        "carvalho-martins": lambda e: 3 / 2 * (1 - e) * (11 - e) / (1 + 9 * e),
-    }
-)
+DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = {
+    "hunt-crossley": lambda e: 3 * (1 - e) / 2,
+    "lankarani-nikravesh": lambda e: 3 * (1 - e**2) / 4,
+    "gonthier": lambda e: (1 - e**2) / e,
+    "zhiying-qishao": lambda e: 3 * (1 - e**2) / 4 * math.exp(2 * (1 - e)),
+    "flores": lambda e: 8 * (1 - e) / (5 * e),
+    "hu-guo": lambda e: 3 * (1 - e) / (2 * e),
+    "carvalho-martins": lambda e: 3 / 2 * (1 - e) * (11 - e) / (1 + 9 * e),
+}
 #: As a part of the clearance: round-off of the penetration.
 LEAST_DEPTH = 1e-12
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.
@@ -82,11 +64,8 @@ def stiffness_of(room: Any) -> float:
     """
     if room.stiffness is not None:
         return float(room.stiffness)
-    s, hole, c = (
-        (1 - room.poisson_ratio**2) / room.young_modulus_Pa,
-        room.bearing_radius_m,
-        room.radial_clearance_m,
-    )
+    hole, c = room.bearing_radius_m, room.radial_clearance_m
+    s = (1 - room.poisson_ratio**2) / room.young_modulus_Pa
     return float(4 / (6 * s) * math.sqrt(hole * (hole - c) / c))
 
 
@@ -138,6 +117,13 @@ class RigidWall:
     minimum_impact_speed_m_s: float = 0.0
 
 
+def power(x: Scalar, exponent: Scalar) -> Scalar:
+    """Return x to the power of an exponent, by multiplication and square root where that is enough."""
+    if exponent == 1.0:
+        return x
+    return x * sqrt(x) if exponent == 1.5 else x**exponent
+
+
 def dissipative(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scalar, Scalar]:
     """Return elastic force and damper of F = K delta^n (1 + a delta'/v0) + c delta'; the memory is a/v0.
 
@@ -154,15 +140,7 @@ def kuwabara_kono(law: ContactLaw, depth: Scalar, memory: Scalar) -> tuple[Scala
 
 
 #: The normal laws by kind.
-NORMAL_LAWS: Mapping[str, Callable[[ContactLaw, Scalar, Scalar], tuple[Scalar, Scalar]]] = MappingProxyType(
-    {"dissipative": dissipative, "kuwabara-kono": kuwabara_kono}
-)
-
-
-def stored_J(stiffness: Array, exponent: Array, depth_m: Array) -> FloatArray:
-    """Return what the elastic force K delta^n stores, K delta^(n+1)/(n+1), at depths; 0 at negative ones."""
-    power = exponent + 1
-    return np.asarray(stiffness * np.maximum(depth_m, 0.0) ** power / power)
+NORMAL_LAWS = {"dissipative": dissipative, "kuwabara-kono": kuwabara_kono}
 
 
 # Friction: mu F_n f(v) against the sliding speed v at the contact point; none where F_n is clipped. Where a
@@ -177,7 +155,7 @@ def saturated_linear(law: FrictionLaw, sliding: Scalar) -> Scalar:
 def ambrosio(law: FrictionLaw, sliding: Scalar) -> Scalar:
     """Return f(v), 0 in the dead band, of size 1 from v_reg on, linear between (Ambrosio 2003)."""
     ramp = law.regularisation_speed_m_s - law.dead_band_speed_m_s
-    part = (size(sliding) - law.dead_band_speed_m_s) / ramp
+    part = (abs(sliding) - law.dead_band_speed_m_s) / ramp
     return signed(smaller(1.0, larger(0.0, part)), sliding)
 
 
@@ -187,9 +165,7 @@ def hyperbolic(law: FrictionLaw, sliding: Scalar) -> Scalar:
 
 
 #: The friction laws by kind: the part of mu F_n that acts at a sliding speed in m/s, with the speed's sign.
-FRICTION_LAWS: Mapping[str, Callable[[FrictionLaw, Scalar], Scalar]] = MappingProxyType(
-    {"saturated-linear": saturated_linear, "ambrosio": ambrosio, "tanh": hyperbolic}
-)
+FRICTION_LAWS = {"saturated-linear": saturated_linear, "ambrosio": ambrosio, "tanh": hyperbolic}
 
 
 def steepest(law: FrictionLaw) -> float:
@@ -233,20 +209,13 @@ def joint_of(pin: Pin) -> ClearanceJoint:
     if room.law == "rigid":
         wall = RigidWall(room.restitution or 0.0, room.minimum_impact_speed_m_s or 0.0)
         return ClearanceJoint(*ends, room.radial_clearance_m, room.bearing_radius_m, wall, room.friction)
-    stiffness, tiny = stiffness_of(room), room.radial_clearance_m <= sys.float_info.min
-    if not math.isfinite(stiffness):
-        field = "radial_clearance_m" if tiny else "young_modulus_Pa"
-        came = f"{getattr(room, field):g}"
-        raise OverflowError(f"{field}: expected one whose stiffness is no overflow, got {came}")
-    law = ContactLaw(
-        stiffness,
-        exponent_of(room),
-        damping_factor_of(room),
-        room.damping_N_s_m or 0.0,
-        minimum_impact_speed_of(room),
-        room.may_pull,
-        room.law if room.law in NORMAL_LAWS else "dissipative",
-    )
+    if not math.isfinite(stiffness := stiffness_of(room)):
+        name = "radial_clearance_m" if room.radial_clearance_m <= sys.float_info.min else "young_modulus_Pa"
+        got = f"{getattr(room, name):g}"
+        raise OverflowError(f"{name}: expected one whose stiffness is no overflow, got {got}")
+    factor, floor, damping = damping_factor_of(room), minimum_impact_speed_of(room), room.damping_N_s_m or 0.0
+    kind = room.law if room.law in NORMAL_LAWS else "dissipative"
+    law = ContactLaw(stiffness, exponent_of(room), factor, damping, floor, room.may_pull, kind)
     return ClearanceJoint(*ends, room.radial_clearance_m, room.bearing_radius_m, law, room.friction)
 
 
@@ -279,7 +248,7 @@ def contact_force(
         elastic, damper = NORMAL_LAWS[law.kind](law, depth, memory)
         normal, loss, clip, slide = elastic + damper * rate, damper * rate * rate, 0.0, 0.0
         if law.clipped:  # the law would pull: no force, and the spring's energy is lost
-            clipped = equal(phase, CLIPPED)
+            clipped = phase > CONTACT
             normal, loss = choose(clipped, 0.0, normal), choose(clipped, 0.0, loss)
             clip = choose(clipped, -elastic * rate, 0.0)
         force, twist_i, twist_j, tangential = -normal * n, 0.0, 0.0, 0.0
@@ -349,7 +318,7 @@ class Separation:
 
 def separation(joint: ClearanceJoint, state: State) -> Separation:
     """Return a joint's separation; a pin at its bearing's very centre has n along +x."""
-    (bearing, pin), size_of_q = ends_of(joint, state), len(state.q)
+    bearing, pin = ends_of(joint, state)
     d, d_dot = pin.place - bearing.place, pin.rate - bearing.rate
     distance = sqrt(d @ d)
     apart = distance > 0.0
@@ -360,16 +329,10 @@ def separation(joint: ClearanceJoint, state: State) -> Separation:
     turning = normal @ (pin.centripetal - bearing.centripetal) + choose(apart, d_dot @ d_dot / length, 0.0)
     sizes = [joint.radial_clearance_m, 0.0]
     for body, point in ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j)):
-        x, y, _ = (size(value) for value in state.position(body))
-        v_x, v_y, spin = (size(value) for value in state.velocity(body))
-        lever = larger(*map(size, point))
+        x, y, _ = (abs(value) for value in state.position(body))
+        v_x, v_y, spin = (abs(value) for value in state.velocity(body))
+        lever = larger(*map(abs, point))
         sizes = [sizes[0] + larger(x, y) + lever, sizes[1] + larger(v_x, v_y) + spin * lever]
-    return Separation(
-        distance,
-        speed_row(normal, bearing, pin, size_of_q),
-        speed_row(tangent, bearing, pin, size_of_q, radii),
-        speed_row(tangent, bearing, pin, size_of_q),
-        normal @ d_dot,
-        turning,
-        *(ROUND_OFF * terms for terms in sizes),
-    )
+    of = bearing, pin, len(state.q)
+    rows = speed_row(normal, *of), speed_row(tangent, *of, radii), speed_row(tangent, *of)
+    return Separation(distance, *rows, normal @ d_dot, turning, *(ROUND_OFF * terms for terms in sizes))

@@ -115,6 +115,21 @@ class Spring(Ends):
 
 
 @dataclass(frozen=True)
+class Torsion:
+    """A torsion spring and a rotational damper between body i and body j.
+
+    With a = phi_j - phi_i the torque on body j is -k (a - free angle) - c a', and the opposite on body i.
+    """
+
+    body_i: int
+    body_j: int
+    stiffness_N_m_rad: float
+    damping_N_m_s: float
+    free_angle_rad: float
+    name: str = _name()
+
+
+@dataclass(frozen=True)
 class Table:
     """Values y over x: a cubic spline, or straight lines. It repeats after a ``period`` other than 0.
 
@@ -245,6 +260,7 @@ class MechanismData:
     pins: tuple[Pin, ...]
     guides: tuple[Guide, ...] = ()
     springs: tuple[Spring, ...] = ()
+    torsions: tuple[Torsion, ...] = ()
     loads: tuple[Load, ...] = ()
     drive: DriveData = DriveData(0)
     gravity_m_s2: Point = (0.0, 0.0)

@@ -1,8 +1,9 @@
 """Loads: what each puts into {F(q, q', t)} of (2), and its potential energy, if it has one.
 
-A load is where it acts, and a law of its size by s, s' and the time. A ``Torque`` turns a body, and s is its
-angle. A ``Force`` acts along a line on its point of body j, and turns with the line: with u along it,
-s = u.(p_j - p_i), F is F u on body j at p_j, and on body i, at the place of p_j, -F u.
+A load is where it acts, and a law of its size by s, s' and the time. A ``Torque`` turns a body against
+another one, and s is its angle from that. A ``Force`` acts along a line on its point of body j, and turns
+with the line: with u along it, s = u.(p_j - p_i), F is F u on body j at p_j, and on body i, at the place of
+p_j, -F u.
 
 A new law is a class with its line in ``_size``, and in ``potential_J`` if it has one.
 """
@@ -83,10 +84,16 @@ Law = Constant | Restoring | Damping | Motor | ByTime | BySpeed | ByAngle
 
 @dataclass(frozen=True)
 class Torque:
-    """A torque on a body, counter-clockwise positive."""
+    """A torque on a body, counter-clockwise positive, and the opposite one on what it acts ``against``."""
 
     body: int
     law: Law
+    against: int = GROUND
+
+    def turned(self, state: State) -> tuple[Scalar, Scalar]:
+        """Return s and s'."""
+        (*_, angle), (*_, speed) = state.position(self.body), state.velocity(self.body)
+        return angle - state.position(self.against)[2], speed - state.velocity(self.against)[2]
 
 
 @dataclass(frozen=True)
@@ -113,8 +120,8 @@ def forces_of(load: Load, state: State) -> Forces:
     if isinstance(load, Spring):
         return _pulled(load, state)
     if isinstance(load, Torque):
-        angle, speed = state.position(load.body)[2], state.velocity(load.body)[2]
-        return {load.body: array([0.0, 0.0, size_of(load.law, angle, speed, state)])}
+        torque = array([0.0, 0.0, size_of(load.law, *load.turned(state), state)])
+        return {load.body: torque, load.against: -torque}
     i, j, u, across, d = line_at(load, state)
     pull = size_of(load.law, u @ d, u @ (j.rate - i.rate) + i.spin * (across @ d), state) * u
     forces = {load.body_j: pull @ j.jacobian}
@@ -177,10 +184,11 @@ def potential_J(load: Load, q: FloatArray) -> FloatArray | None:
     """Return the potential energy (s,) at coordinates (s, n); None of loads without one."""
     if isinstance(load, Spring):
         return np.asarray(load.stiffness_N_m * (distance_m(load, q) - load.free_length_m) ** 2 / 2)
+    state = State(q.T, q.T)  # of all samples at once
     if isinstance(load, Torque):
-        s = q[:, 3 * load.body + 2]
+        s, _ = load.turned(state)
     else:
-        along = State(q.T, q.T).direction(load.body_i, load.angle_rad).T
+        along = state.direction(load.body_i, load.angle_rad).T
         s = (along * apart_m(load, q)).sum(axis=1)
     match load.law:
         case Constant(size):
@@ -188,6 +196,12 @@ def potential_J(load: Load, q: FloatArray) -> FloatArray | None:
         case Restoring(stiffness, free):
             return np.asarray(stiffness * (s - free) ** 2 / 2)
     return None
+
+
+def stored_J(stiffness: Array, exponent: Array, depth_m: Array) -> FloatArray:
+    """Return what an elastic force K delta^n stores, K delta^(n+1)/(n+1), at depths; 0 at negative ones."""
+    power = exponent + 1
+    return np.asarray(stiffness * np.maximum(depth_m, 0.0) ** power / power)
 
 
 def apart_m(ends: Ends, q: FloatArray) -> FloatArray:

@@ -53,12 +53,8 @@ class Mechanism:
     @property
     def knots_by_angle(self) -> tuple[tuple[float, float, int], ...]:
         """Angles in rad at which loads are not smooth: see ``run.KNOT_RECORD``."""
-        return tuple(
-            (x, load.law.table.period, 3 * load.law.crank + 2)
-            for load in self.forces
-            if isinstance(load.law, ByAngle)
-            for x in load.law.table.knots
-        )
+        laws = [load.law for load in self.forces if isinstance(load.law, ByAngle)]
+        return tuple((x, law.table.period, 3 * law.crank + 2) for law in laws for x in law.table.knots)
 
     def name_of(self, constraint: int) -> str:
         """Return the name of a constraint, or its kind with its number."""
@@ -79,23 +75,17 @@ def mechanism_of(of: MechanismData) -> Mechanism:
             driver = [PrescribedMotion(of.drive.body, motion)]
         else:
             driver = [PrescribedSlide(*along(of.guides[guide]), motion)]
-    return Mechanism(
-        of.bodies,
-        (*of.ideal, *of.guides, *driver),
-        tuple(loads_of(of).values()),
-        -y,
-        tuple(joint_of(pin) for pin in of.loose),
-        x,
-    )
+    parts, contacts = tuple(loads_of(of).values()), tuple(joint_of(pin) for pin in of.loose)
+    return Mechanism(of.bodies, (*of.ideal, *of.guides, *driver), parts, -y, contacts, x)
 
 
 def loads_of(of: MechanismData) -> dict[str, Load]:
-    """Return the loads in their order: "drive", "BODY.force" and the other parts, "spring:NAME"."""
-    torque, by_name = _torque(of.drive), dict[str, Load]()
+    """Return the loads: "drive", "BODY.PART", "spring:NAME", "torsion:NAME.spring" and its damper beside."""
+    torque, clock_s, by_name = _torque(of.drive), of.drive.clock_s, dict[str, Load]()
     if torque is not None:
         by_name["drive"] = Torque(of.drive.body, torque)
     for load in of.loads:
-        clock_s, gas, name = of.drive.clock_s, load.gas, of.bodies[load.body].name
+        gas, name = load.gas, of.bodies[load.body].name
         forces = {
             "force": loads.Constant(load.force_N) if load.force_N else None,
             "viscous": loads.Damping(load.viscous_N_s_m) if load.viscous_N_s_m else None,
@@ -108,11 +98,18 @@ def loads_of(of: MechanismData) -> dict[str, Load]:
             "turning_viscous": loads.Damping(load.viscous_N_m_s) if load.viscous_N_m_s else None,
             "torque_by_time": _by_time(load.torque_by_time, clock_s) if load.torque_by_time else None,
         }
-        parts: dict[str, Load] = {part: Torque(load.body, law) for part, law in torques.items() if law}
         if load.line is not None:
-            parts = {part: Force(*along(load.line), law) for part, law in forces.items() if law} | parts
-        by_name |= {f"{name}.{part}": new for part, new in parts.items()}
-    return by_name | {f"spring:{spring.name}": spring for spring in of.springs}
+            by_name |= {
+                f"{name}.{part}": Force(*along(load.line), law) for part, law in forces.items() if law
+            }
+        by_name |= {f"{name}.{part}": Torque(load.body, law) for part, law in torques.items() if law}
+    by_name |= {f"spring:{spring.name}": spring for spring in of.springs}
+    for it in of.torsions:
+        spring = loads.Restoring(it.stiffness_N_m_rad, it.free_angle_rad)
+        by_name[f"torsion:{it.name}.spring"] = Torque(it.body_j, spring, it.body_i)
+        if it.damping_N_m_s:
+            by_name[f"torsion:{it.name}"] = Torque(it.body_j, loads.Damping(it.damping_N_m_s), it.body_i)
+    return by_name
 
 
 def _torque(drive: DriveData) -> loads.Law | None:

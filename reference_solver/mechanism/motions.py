@@ -27,9 +27,6 @@ SMOOTH = 1e-12
 Moved = tuple[Scalar, Scalar, Scalar]
 
 
-# ------------------------------------------------------------------------------------- tables
-
-
 def curve_of(table: Table) -> "PPoly":
     """Return the curve through a table, in pieces of four coefficients each."""
     from scipy.interpolate import CubicSpline, PPoly  # it takes a moment, and most scenes do without
@@ -107,9 +104,6 @@ class PlacedTable:
 
 def _cubic(s: Scalar, a: Scalar, b: Scalar, c: Scalar, d: Scalar) -> Moved:
     return a + s * (b + s * (c + s * d)), b + s * (2.0 * c + s * (3.0 * d)), 2.0 * c + 6.0 * (s * d)
-
-
-# ------------------------------------------------------------------------------------ motions
 
 
 def moved(motion: Motion, t: Scalar) -> Moved:

@@ -1,7 +1,6 @@
 """Points of moving bodies: where they are, how fast they move, and what a force on them does."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 from reference_solver.mechanism.data import GROUND, Ends, Line, Point
 from reference_solver.tape import Array, Scalar, array, cos, sin
@@ -36,12 +35,8 @@ class State:
     """Coordinates q and velocities v of all bodies, (3b,) each, at a time; GROUND rests at the origin."""
 
     def __init__(self, q: Array, v: Array, t: Scalar = 0.0) -> None:
-        self.q, self.v, self.t = q, v, t
+        self.q, self.v, self.t, self._still = q, v, t, array([0.0, 0.0, 0.0])
         self._turns: dict[int, tuple[Scalar, Scalar]] = {GROUND: (1.0, 0.0)}
-
-    @cached_property
-    def _still(self) -> Array:
-        return array([0.0, 0.0, 0.0])
 
     def position(self, body: int) -> Array:
         """Return a body's (x, y, phi)."""

@@ -12,7 +12,7 @@ from engine_models.engine import FloatArray
 from engine_models.minimal.forces import ZERO
 from engine_models.minimal.model import Numbers, damping_of
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism.data import ConstantSpeed, DriveData
+from reference_solver.mechanism.data import ConstantSpeed, DriveData, MechanismData
 
 #: Steps at the most, and turns in a step; one no longer than this, in m and rad, is the last: what it leaves
 #: is of the order of its square.
@@ -31,7 +31,7 @@ def closed(scene: Scene, position: FloatArray, turning: int | None) -> FloatArra
     pins = tuple(replace(pin, clearance=None, bearing_on_j=False) for pin in scene.mechanism.pins)
     drive = DriveData(0) if turning is None else DriveData(turning, law=ConstantSpeed(0.0))
     begun = position.reshape(len(position), -1)
-    of = replace(scene.mechanism, pins=pins, drive=drive, loads=(), springs=())
+    of = MechanismData(scene.mechanism.bodies, pins, scene.mechanism.guides, drive=drive)
     numbers = Numbers(of, begun[0].copy(), damping_of)
     weights = 1 / numbers.masses.ravel()
     first = numbers.look(0.0, begun[0])[0] * np.sqrt(weights)

@@ -37,6 +37,9 @@ def sample_columns(scene: Scene, trajectory: Trajectory) -> dict[str, FloatArray
         columns["driver_torque_N_m" if turns else "driver_force_N"] = run.driver_torque_N_m
     columns |= {f"{name.replace('.', '_')}_force_N": forces[name] for name in along_lines(of)}
     columns |= {f"spring_{spring.name}_force_N": forces[f"spring:{spring.name}"] for spring in of.springs}
+    for it in of.torsions:
+        damper = forces.get(f"torsion:{it.name}", 0.0)
+        columns[f"torsion_{it.name}_torque_N_m"] = forces[f"torsion:{it.name}.spring"] + damper
     columns |= _energies(scene, run)
     for joint, contact in run.contacts.items():
         columns |= {
@@ -96,7 +99,7 @@ def _energies(scene: Scene, run: Trajectory) -> dict[str, FloatArray]:
     """Return energies and works."""
     columns = {"kinetic_energy_J": kinetic_energy_J(scene, run)}
     of = scene.mechanism
-    if any(of.gravity_m_s2) or run.contacts or of.springs:  # a contact stores elastic energy
+    if any(of.gravity_m_s2) or run.contacts or of.springs or of.torsions:  # a contact stores elastic energy
         columns["potential_energy_J"] = potential_energy_J(scene, run)
     is_product = scene.drive.kind not in OF_TIME and scene.is_short
     if run.driver_work_J is not None and (run.load_work_J or not is_product):

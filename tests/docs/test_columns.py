@@ -56,6 +56,7 @@ def test_the_columns_of_runs_are_those_on_the_page() -> None:
         short = of.replace("end_time_s", END_S)
         columns = set(sample_columns(short, engine.simulate(short, RunSettings(STEP_S, 2))))
         parts = [guide.name for guide in of.mechanism.guides] + [s.name for s in of.mechanism.springs]
+        parts += [it.name for it in of.mechanism.torsions]
         observed = [str(of.observed.name).replace(".", "_")]
         words = {
             "OBSERVED": observed,

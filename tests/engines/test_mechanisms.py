@@ -97,6 +97,45 @@ def test_a_force_at_a_pin_swings_a_bar_as_gravity_would_a_pendulum(engine: str, 
     assert np.ptp(trajectory.position[:, 0, 2]) > 0.9, "it swings"
 
 
+TWISTED = """
+name = "twisted"
+end_time_s = 1.0
+observe = "one.angle"
+ground.pins_m = { O = 0.0, P = 0.5 }
+start.angle_rad = { one = 0.1, two = 20.0 }
+[body]
+one = { pins_m = { O = 0.0 }, centre_of_mass_m = 0.1, mass_kg = 1.0, inertia_kg_m2 = 0.01 }
+two = { pins_m = { P = 0.0 }, centre_of_mass_m = [0.0, 0.2], mass_kg = 0.5, inertia_kg_m2 = 0.03 }
+[torsion]
+t = { between = ["one", "two"], stiffness_N_m_rad = 2.0, free_angle_rad = 16.0, damping_N_m_s = 0.03 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("engine", "bound"),
+    [
+        *(("reference", 1e-7), (DOP853, 1e-11), ("scipy", 1e-11)),
+        *(("exudyn", 1e-3), ("exudyn solver=RK44", 1e-7), ("pymunk", 1e-3)),
+    ],
+)
+def test_a_torsion_pendulum_of_two_bodies_loses_its_decrement_in_each_period(
+    engine: str, bound: float
+) -> None:
+    """Wound by x rad, it has exp(-c t/(2 I)) x at rest after each period, I the reduced inertia."""
+    inertia = 0.02 * 0.05 / (0.02 + 0.05)
+    rate = 0.03 / (2 * inertia)
+    period_s = 2 * math.pi / math.sqrt(2.0 / inertia - rate**2)
+    of = from_toml(TWISTED).replace("end_time_s", 3 * period_s)
+    assert from_toml(of.to_toml()) == of
+    trajectory = run(engine, of, 200, 3)
+    one, two = trajectory.position[:, :, 2].T
+    left, columns = (20.0 - 0.1 - 16.0) * np.exp(-rate * trajectory.time_s), sample_columns(of, trajectory)
+    assert two - one - 16.0 == pytest.approx(left, abs=bound)
+    assert 0.02 * one + 0.05 * two == pytest.approx(0.02 * 0.1 + 0.05 * 20.0, abs=bound)
+    assert columns["torsion_t_torque_N_m"] == pytest.approx(-2.0 * left, abs=2.0 * bound)
+    assert columns["torsion_t_work_J"] == pytest.approx(2.0 / 2 * (left**2 - left[0] ** 2), abs=16.0 * bound)
+
+
 PISTON_ENGINE = """
 name = "piston engine"
 end_time_s = 10.0

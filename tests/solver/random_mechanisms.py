@@ -113,7 +113,7 @@ def part(kind: type, random: Generator, bodies: int, **given: Any) -> Any:
     """Return a part of a mechanism with numbers and bodies at random; a point may be a centre of mass."""
     i, j = random.permutation(np.arange(GROUND, bodies))[:2].tolist()
     body = int(random.integers(bodies))
-    given |= {"body_i": i, "body_j": j, "body": body, "crank": body}
+    given |= {"body_i": i, "body_j": j, "body": body, "crank": body, "against": i if i != body else j}
     given |= {"name": "", "clearance": None, "bearing_on_j": False, "turns": bool(random.integers(2))}
     given = {
         "radial_clearance_m": random.uniform(0.1, 0.3),

@@ -38,15 +38,14 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "*": operator.mul,
     "/": operator.truediv,
     ">": operator.gt,
-    "==": operator.eq,
     "&": operator.and_,
     "abs": abs,
     "max": max,
     "min": min,
-    "if": lambda x, condition, y: x if condition else y,
+    "if": lambda condition, x, y: x if condition else y,
 }
 #: No operations, but what is given, or asked.
-GIVEN = ("input", "branch", ">", "==", "&")
+GIVEN = ("input", "branch", ">", "&")
 #: What a node's value may become, and the same of another state where a step is late.
 ALTERED: dict[str, Callable[[float, float], float]] = {
     "sign flipped": lambda x, _: -x,

@@ -94,12 +94,11 @@ def test_a_graze_within_one_step_is_not_missed_and_a_near_miss_is_none(above: fl
 def test_pins_hit_where_time_or_angles_are_coarser_than_the_gap() -> None:
     found = run(pinned(1.0, clearance=0.5, radius=1.0), STILL, [10.0, 0.0, 0.0], 50.0, 5000)
     close([impact.time_s for impact in found.impacts], 0.05 + 0.1 * np.arange(500), 1e-11, "times")
+    start, v, turned = np.array([-0.05, 0.0, 0.0]), [0.3, 0.1, 3.0], np.array([0.0, 0.0, 200 * np.pi])
     for law in (RigidWall(0.7), ContactLaw(6.61e10)):
-        at_arm, ends = disc(bearing(law, point=(0.05, 0.0))), list[FloatArray]()
-        for angle in (0.0, 200 * np.pi):
-            found = run(at_arm, [-0.05, 0.0, angle], [0.3, 0.1, 3.0], 0.02, StepChoice(1e-5))
-            ends.append(found.q[-1] - [0.0, 0.0, angle])
-        close(*ends, 1e-7, "where turns end")
+        at_arm = disc(bearing(law, point=(0.05, 0.0)))
+        one, other = (run(at_arm, q, v, 0.02, StepChoice(1e-5)).q for q in (start, start + turned))
+        close(one, other - turned, 1e-7, "places")
 
 
 LONG = 0.05  # m: a clearance in which a pin slides like a pendulum

@@ -19,6 +19,7 @@ from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.equations import Equations
 from reference_solver.kernel import Program, Topology, program_of
 from reference_solver.machine_code import HEAD, FunctionText, compile_text, parameters_text
+from reference_solver.mechanism.contacts import power
 from reference_solver.mechanism.data import Body
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import PiecewiseCubic
@@ -28,12 +29,9 @@ from reference_solver.tape import (
     both,
     choose,
     cos,
-    equal,
     larger,
-    power,
     signed,
     sin,
-    size,
     smaller,
     sqrt,
     tanh,
@@ -116,19 +114,18 @@ OPERATIONS: dict[str, tuple[Callable[[Any, Any], Any], float]] = {
     "2-(-x)y": (lambda x, y: 2.0 - (-x) * y, 0.0),
     "x/(y^2 + 1)": (lambda x, y: x / (y * y + 1.0), 0.0),
     "-(x-2y)": (lambda x, y: -(x - 2.0 * y), 0.0),
-    "|x|": (lambda x, _: size(x), 0.0),
+    "|x|": (lambda x, _: abs(x), 0.0),
     "sign": (signed, 0.0),
-    "sqrt": (lambda x, _: sqrt(size(x)), 0.0),
+    "sqrt": (lambda x, _: sqrt(abs(x)), 0.0),
     "larger": (larger, 0.0),
     "smaller": (smaller, 0.0),
     "larger than 0": (lambda x, _: larger(x, 0.0), 0.0),
     "x if x > y": (lambda x, y: choose(x > y, x, y), 0.0),
-    "inf if x == y": (lambda x, y: choose(equal(x, y), math.inf, 1.0), 0.0),
     "both": (lambda x, y: choose(both(x > 0.0, y > 0.0), x, -y), 0.0),
     "cos": (lambda x, _: cos(x), 4e-16),
     "sin": (lambda _, y: sin(y), 4e-16),
     "tanh": (lambda x, _: tanh(x), 4e-16),
-    "power": (lambda x, _: power(size(x), 1.7), 4e-16),
+    "power": (lambda x, _: power(abs(x), 1.7), 4e-16),
 }
 NUMBERS = (0.0, -0.0, 1.0, -2.5, 3e-9, 7e8)
 #: Of a step that fails, which are to be found in its condition.

@@ -29,8 +29,7 @@ def _entries(name: str) -> dict[str, Any]:
     if name.startswith("rigid"):
         own = _entries(name.replace("rigid", "clearance"))
         for joint, room in own["clearance"].items():
-            kept = {key: value for key, value in room.items() if key not in STEEL}
-            own["clearance"][joint] = kept | {"law": "rigid"}
+            own["clearance"][joint] = {key: room[key] for key in room if key not in STEEL} | {"law": "rigid"}
         return {**own, "name": name}
     own = entries(TEXTS[name])
     return {**(_entries(own.pop("base")) if "base" in own else {}), "name": name, **own}
