@@ -105,12 +105,11 @@ def root(run, rows, contacts, h, event, low, high):
 
 
 @inner
-def gap_noise(run, rows):
-    """Return the round-off of a gap at the end of a step."""
+def gap_noise(run, rows, lever):
+    """Return the round-off of a gap at the end of a step, that of angles times a lever included."""
     far = run.length
     for c in range(run.n):
-        if c % 3 != 2:
-            far = max(far, abs(rows[NEW, c]))
+        far = max(far, abs(rows[NEW, c]) * (lever if c % 3 == 2 else 1.0))
     return ROUND_OFF * far
 
 
@@ -120,7 +119,7 @@ def first_event(run, rows, contacts, h, skip):
 
     An event is numbered 2 k + kind of contact k.
     """
-    event, place, noise = -1, 1.0, gap_noise(run, rows)
+    event, place, noise = -1, 1.0, gap_noise(run, rows, 0.0)
     for k in range(len(contacts)):
         contact, gap, new_gap = contacts[k], gap_of(run, rows, OLD, k), gap_of(run, rows, NEW, k)
         flies, rising = contact.phase == FLIGHT, gap.rate > 0.0
@@ -153,7 +152,7 @@ def land(run, rows, contacts, method, step, end, event, taken):
     change of the force's sign has to be past. ``taken`` is whether the step has been taken already.
     """
     k, exact, t = event // 2, event % 2 == 0, run.time
-    contact, latest, least = contacts[k], t + 1.5 * (end - t), gap_noise(run, rows)
+    contact, latest, least = contacts[k], t + 1.5 * (end - t), gap_noise(run, rows, 0.0)
     if contact.rigid == 0.0 and run.controlled != 0:
         close = min(LANDING * run.tolerance * run.length, LANDING_CLEARANCE * contact.clearance)
         least = max(least, close)
@@ -171,8 +170,9 @@ def land(run, rows, contacts, method, step, end, event, taken):
             more = -gap.g / gap.rate
             if abs(gap.g) <= least or abs(more) <= 1e-15 * end:
                 return step
-            if not (t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)):
-                if abs(more) <= 1e-14 * end:  # what projection moves the pin by is no less
+            ahead = t < end + more < latest and (gap.rate > 0.0) == (contact.phase == FLIGHT)
+            if trials == LANDINGS - 1 or not ahead:
+                if abs(gap.g) <= gap_noise(run, rows, run.length):  # angles are coarse after many turns
                     return step
                 break
         else:

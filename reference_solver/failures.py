@@ -90,11 +90,11 @@ class NonFiniteState(SolverError):
 
 
 class StepsCollapsed(SolverError):
-    """Error control has found no step that meets its tolerance."""
+    """No step has been found that meets its tolerance, or ends on the event in it."""
 
     message = (
-        "no step from t = {time_s:.6g} s meets the tolerance, not even {step_s:.3g} s: the forces jump "
-        "there, or a singular configuration is close: loosen the tolerance or stop before it"
+        "no step from t = {time_s:.6g} s meets its tolerance or its event, not even {step_s:.3g} s: the "
+        "forces jump there, or a singular configuration is close: loosen the tolerance or stop before it"
     )
 
 

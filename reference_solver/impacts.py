@@ -392,8 +392,9 @@ def resolve(run, contacts, rows):
         if contact.rigid != 0.0:
             near = contact.clearance - 0.5 * run.lowest * contact.noise
             contact.follows = contact.phase != FLIGHT
-            contact.released = contact.follows if contact.number == run.wall else 0.0
-            contact.touches = contact.follows != 0.0 or contact.distance >= near
+            came = contact.number == run.wall  # within the round-off of time, too
+            contact.released = contact.follows if came else 0.0
+            contact.touches = contact.follows != 0.0 or contact.distance >= near or came
     turns, moved, most = 0, True, min(MOST_IN_TURNS, LOG_ROWS // 2 // run.rigid_joints - 1)
     while moved and turns <= most and run.fault == 0:
         comes, moved = False, False

@@ -257,7 +257,8 @@ class Solver:
                 raise failures.StepsCollapsed(time_s=t, step_s=h)
             after = step(self._method, answer, project if self._projected else None, t, q, v, h)
         if np.isfinite(after.q).all() and np.isfinite(after.v).all():
-            raise failures.NearSingular(time_s=t, step_s=h, condition=float(after.condition))
+            kind = failures.StepsCollapsed if after.ok else failures.NearSingular
+            raise kind(time_s=t, step_s=h, condition=float(after.condition))
         raise failures.NonFiniteState(time_s=t + h)
 
 

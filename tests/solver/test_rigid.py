@@ -9,12 +9,10 @@ from scipy.integrate import solve_ivp
 
 from engine_models.mechanics.start import start_state
 from engine_models.reference.solution import mechanism_of
-from engine_models.scene.scene import Scene
 from reference_solver.failures import InconsistentStart
 from reference_solver.mechanism.contacts import ContactLaw, RigidWall
 from reference_solver.mechanism.data import FrictionLaw
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solution import Solution
 from reference_solver.solver import ErrorControl, StepChoice
 from tests.helpers.mechanism_energy import energy_residual_J
 from tests.helpers.orders import slope
@@ -91,6 +89,16 @@ def test_a_graze_within_one_step_is_not_missed_and_a_near_miss_is_none(above: fl
         # The speed at a depth of 1e-9 c is the square root of a difference: half of its digits are lost.
         assert found.impacts[0].approach_speed_m_s == pytest.approx(speed, rel=1e-6)
         assert found.impacts[0].time_s == pytest.approx(rise - speed / GRAVITY, abs=CLOSED_FORM)
+
+
+def test_pins_hit_where_time_or_angles_are_coarser_than_the_gap() -> None:
+    found = run(pinned(1.0, clearance=0.5, radius=1.0), STILL, [10.0, 0.0, 0.0], 50.0, 5000)
+    close([impact.time_s for impact in found.impacts], 0.05 + 0.1 * np.arange(500), 1e-11, "times")
+    start, v, turned = np.array([-0.05, 0.0, 0.0]), [0.3, 0.1, 3.0], np.array([0.0, 0.0, 200 * np.pi])
+    for law in (RigidWall(0.7), ContactLaw(6.61e10)):
+        at_arm = disc(bearing(law, point=(0.05, 0.0)))
+        one, other = (run(at_arm, q, v, 0.02, StepChoice(1e-5)).q for q in (start, start + turned))
+        close(one, other - turned, 1e-7, "places")
 
 
 LONG = 0.05  # m: a clearance in which a pin slides like a pendulum
@@ -178,18 +186,10 @@ def test_a_pin_at_rest_on_a_rigid_wall_leaves_when_a_compliant_one_lifts_it() ->
     assert found.q[-1, 1] + CLEARANCE == pytest.approx(lift, rel=1e6 / MASS * 1e-4**2 / 10)
 
 
-# Crank-sliders
-
-
-def turned(of: Scene, end_s: float, steps: int, samples: int = 100) -> Solution:
-    """Return a scene's run in so many steps."""
-    q, v = (part.ravel() for part in start_state(of))
-    return run(mechanism_of(of), q, v, end_s, steps, samples)
-
-
 def test_the_ledger_closes_at_order_four_over_a_revolution_with_impacts_closings_and_following() -> None:
     counts, of = [6000, 12000, 24000], scene("rigid").replace("clearance.B.restitution", 0.5)
-    runs = [turned(of, 0.012, count) for count in counts]
+    q, v = (part.ravel() for part in start_state(of))
+    runs = [run(mechanism_of(of), q, v, 0.012, count, 100) for count in counts]
     assert {impact.kind for impact in runs[-1].impacts} == {"impact", "closing"}
     assert len(runs[-1].mode_changes) > 2
     residuals = [float(np.abs(energy_residual_J(one)).max()) for one in runs]
