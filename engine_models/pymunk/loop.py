@@ -75,7 +75,8 @@ class Loop:
             SimulationFailed: a pin goes through a wall, or numbers are not finite.
         """
         settings, plan, step = self.settings, self.plan, self.model.space.step
-        interval, varies = self.end_s / settings.samples, plan[kicks.IN_CONTACT] < plan[kicks.IN_FLIGHT]
+        interval = self.end_s / settings.samples
+        varies = self._looks and plan[kicks.IN_CONTACT] < plan[kicks.IN_FLIGHT]
         self._begin(interval, take)
         steps, step_s = settings.steps_per_sample(self.end_s), float(plan[kicks.NEXT])
         coasts = not (self._looks or self._changes or every_step)

@@ -181,6 +181,14 @@ def test_shorter_steps_tell_all_of_a_contact(of: Scene) -> None:
         assert errors(own, true)["work driver"] < 2e-3
 
 
+def test_without_contacts_no_step_is_shorter() -> None:
+    of, settings = until(ideal_free(), 0.006), RunSettings(2e-5, SAMPLES)
+    plain, shorter = (PymunkEngine(shorter_in_contact=times) for times in (1.0, 8.0))
+    ends = [engine.bare_run(of, settings).position for engine in (plain, shorter)]
+    for end in (ends[1], shorter.simulate(of, settings).position[-1]):
+        np.testing.assert_array_equal(end, ends[0])
+
+
 @pytest.mark.parametrize(
     ("name", "settings", "reason"),
     [
