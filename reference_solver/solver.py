@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from reference_solver import failures
-from reference_solver.energy import Guard
+from reference_solver.energy import FLAT, Guard
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.loop import DONE, FAILED, FULL, SPENT, WALL, loop_of
 from reference_solver.mechanism.contacts import separation
@@ -257,7 +257,8 @@ class Solver:
                 raise failures.StepsCollapsed(time_s=t, step_s=h)
             after = step(self._method, answer, project if self._projected else None, t, q, v, h)
         if np.isfinite(after.q).all() and np.isfinite(after.v).all():
-            kind = failures.StepsCollapsed if after.ok else failures.NearSingular
+            sound = after.ok and after.condition < FLAT
+            kind = failures.StepsCollapsed if sound else failures.NearSingular
             raise kind(time_s=t, step_s=h, condition=float(after.condition))
         raise failures.NonFiniteState(time_s=t + h)
 
