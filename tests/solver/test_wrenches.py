@@ -38,8 +38,6 @@ def phases_of(of: Mechanism, run: Trajectory, sample: int) -> FloatArray:
 def ran(name: str) -> tuple[Scene, Trajectory, FloatArray]:
     """Return a scene, its run, and the accelerations (n, bodies, 3) that equations have in its states."""
     of = scene(name)
-    if name == "everything":
-        of = of.replace("start.time_s", 0.03)
     found, mechanism = run("reference", of, STEPS[name]), mechanism_of(of)
     n, *shape = found.position.shape
     q, v = found.position.reshape(n, -1), found.velocity.reshape(n, -1)
