@@ -15,7 +15,7 @@ from itertools import chain
 import numpy as np
 
 from engine_models import arms
-from engine_models.engine import ROUNDING, RunSettings, Trajectory
+from engine_models.engine import ROUNDING, Engine, FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
 from engine_models.mechanics.samples import selected
 from engine_models.scene.library import SCENES
@@ -25,6 +25,7 @@ from studies.judges.comparison import Judged, compared, judged
 from studies.judges.converged_truth import followed, solved, times_between_s, true_at
 from studies.judges.impact_matching import FORCE_ERROR, FORCE_PART, force_error_in_phase_N, impact_errors
 from studies.judges.metrics import COVERAGE, conserved, errors
+from studies.judges.run_cache import kept
 from studies.settings import Rung, ladder, scenes
 
 #: Few, since no step is longer than the time between two samples; forces are judged between them as well.
@@ -69,7 +70,9 @@ def _impact(arm: arms.Arm) -> Case:
 
 def measure(case: Case) -> tuple[Row, Curves]:
     """Return the row of a run, and errors over time as curves; of the impact also its force and depth."""
-    found = judged(make_engine(case.engine, **case.settings), case.scene, case.run)
+    engine = make_engine(case.engine, **case.settings)
+    found = judged(engine, case.scene, case.run)
+    end_of(engine, case.scene, case.run, found.plain)
     worst, error_curves = compared(found)
     ledger, curves = conserved(case.scene, found.plain)
     row: Row = {"steps": found.plain.steps, "mean_step_s": case.scene.end_time_s / found.plain.steps}
@@ -86,6 +89,17 @@ def measure(case: Case) -> tuple[Row, Curves]:
         curves |= _contacts("true_", selected(found.solved.truth, found.equal))
         curves = {name: curve[found.plain.time_s >= IMPACT_FROM_S] for name, curve in curves.items()}
     return row, curves
+
+
+def end_of(engine: Engine, scene: Scene, settings: RunSettings, run: Trajectory | None = None) -> FloatArray:
+    """Return all bodies' positions (bodies, 3) at a recorded run's end, kept for timed runs to be held to."""
+    return kept(
+        __name__,
+        engine,
+        scene,
+        settings,
+        lambda: (run or engine.simulate(scene, settings)).position[-1],
+    )
 
 
 def _contacts(prefix: str, run: Trajectory) -> Curves:

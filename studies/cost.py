@@ -7,8 +7,8 @@ behind two that are as good as each other.
 """
 
 import time
+from collections import defaultdict
 from dataclasses import replace
-from functools import cache
 from random import Random
 
 import numpy as np
@@ -17,7 +17,7 @@ from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFail
 from engine_models.engines import make_engine
 from engine_models.mechanics.states import lever_m
 from engine_models.scene.scene import Scene
-from studies.accuracy import SAMPLES, case_of
+from studies.accuracy import SAMPLES, case_of, end_of
 from studies.case import Case, Curves, Row
 from studies.settings import ladder, scenes
 
@@ -27,10 +27,12 @@ ROUNDS, FULL_ROUNDS = 3, 5
 REPEAT_S, REPEATS = 0.02, 100
 #: A round is as good as another if its least time is no more than so many times as long; how often one that
 #: is not is run again; and from which time of a solve on, in s, a setting is timed in one round alone.
-SPREAD, AGAIN, LONG_S = 1.3, 3, 1.0
+SPREAD, AGAIN, LONG_S = 1.3, 3, 0.4
 #: How far a bare run may end from the recorded one, in parts of the crank's length: 0.5 mm in most scenes.
 #: They are equal but for methods whose steps know of the samples, and that are as far off themselves.
 APART = 0.01
+#: The least times of the rounds that this process has run, of each setting.
+ROUNDS_RUN = defaultdict[tuple[Engine, Scene, RunSettings], list[float]](list)
 
 
 def cases(full: bool) -> list[Case]:
@@ -49,15 +51,6 @@ def cases(full: bool) -> list[Case]:
 def measure(case: Case) -> tuple[Row, Curves]:
     """Return the times of a setting in one round."""
     return times(case), {}
-
-
-@cache
-def _recorded(engine: Engine, scene: Scene, run: RunSettings) -> tuple[FloatArray, list[float]]:
-    """Return all bodies' positions at a recorded run's end, made once in a process: it loads kernels too.
-
-    Beside them is a list for the least times of the rounds that this process runs.
-    """
-    return engine.simulate(scene, run).position[-1], []
 
 
 def require_same_end(scene: Scene, bare: FloatArray, recorded: FloatArray) -> float:
@@ -86,10 +79,11 @@ def times(case: Case, samples: int = SAMPLES) -> Row:
         SimulationFailed: the recorded run, or a bare one, fails, or the ends differ (``require_same_end``).
     """
     engine = make_engine(case.engine, **case.settings)
-    recorded, rounds = _recorded(engine, case.scene, replace(case.run, samples=samples))
+    rounds = ROUNDS_RUN[engine, case.scene, case.run]
     before, second = [*sorted(rounds), np.inf, np.inf][:2]
     if LONG_S < before < np.inf or second <= SPREAD * before < np.inf:
         return {"repeats": 0}
+    recorded = end_of(engine, case.scene, replace(case.run, samples=samples))
     solves: list[float] = []
     builds: list[float] = []
     inside: list[float] = []
