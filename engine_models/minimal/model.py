@@ -299,11 +299,11 @@ class Model(Numbers):
         self._rates(self.p, t, np.ascontiguousarray(y), out)
         return out
 
-    def closed(self, t: float, y: FloatArray) -> FloatArray:
-        """Return a state near y that closes all rows, after a choice of the coordinates that depend there."""
-        y, size = y.copy(), self.size
+    def closed(self, t: float, y: FloatArray, choose: bool = True) -> FloatArray:
+        """Return a state near y that closes all rows, unless told otherwise by a new choice of coordinates."""
+        y, m, size = y.copy(), self.rows, self.size
         q, v = y[:size], y[size : 2 * size]
-        m, dependent = self.rows, self.choose(t, self.look(t, q, v)[0])
+        dependent = self.choose(t, self.look(t, q, v)[0]) if choose else self.order[:m].astype(int)
         for _ in range(STEPS if m else 0):
             B, g, *_ = self.look(t, q, v)
             change = np.linalg.solve(B[:, dependent], g)

@@ -42,6 +42,8 @@ TOUCH, SIGN, TURN, ON, BACK = eq.ROOM, eq.SHARE, eq.RATE, -1, -2
 PAUSE, OUTLASTING = 10_000, 300_000
 #: The part of a step behind which the rate of a gap is looked at first.
 ASIDE = 1e-6
+#: How much longer the first step from a stop may be than any before: equal samples are so but for rounding.
+AS_LONG = 1.001
 #: Most corrections of a located event, and the part of the step that slopes are taken over.
 CORRECTIONS, DIFFERENCE = 3, 1e-3
 #: When which contact or table has which signal come to be positive.
@@ -181,12 +183,13 @@ class Run(Recording):
     def _segment(self, stop: float) -> None:
         """Go on to a stop, or to what ends the segment before: an event, or a choice of coordinates."""
         model, limit = self.model, min(self._limit_s, self.choice.longest_step_s)
-        first = None if self._first_step_s is None else min(self._first_step_s, stop - self.t, limit)
+        first = self._first_step_s and min(AS_LONG * self._first_step_s, stop - self.t, limit)
         if not np.isfinite(model(self.t, self.y)).all():  # no first step would be short enough
             raise SimulationFailed(f"non-finite accelerations at t = {self.t:.6g} s")
         solver = self._solver = self._solver_from(self.t, self.y, stop, max_step=limit, first_step=first)
         self._limit_s = np.inf
         model(self.t, self.y)
+        longest_s = 0.0
         while solver.status == "running":
             t, y, before, determinant = self.t, self.y, model.contacts_told.copy(), model.told[-2]
             message, spent = solver.step(), self.evaluations + solver.nfev
@@ -205,17 +208,15 @@ class Run(Recording):
             if event is not None:
                 self.t, self.y = self._located(t, y, event)
             elif self.choice.sharp and solver.status == "finished":
-                self.y, self._largest = model.closed(self.t, self.y), 0.0
+                self.y = model.closed(self.t, self.y, choose=False)
             self._record(t)
             if event is not None:
                 self._first_step_s = None
                 self._answer(event)
                 break
-            self._first_step_s = solver.step_size
+            self._first_step_s = longest_s = max(longest_s, solver.step_size)
             if self._must_choose(determinant, now, steep, solver.step_size):
                 break
-        else:
-            self._first_step_s = max(solver.step_size, self._first_step_s or 0.0)
         self.evaluations += solver.nfev
 
     def _failure(self, message: str | None) -> SimulationFailed:
