@@ -300,7 +300,7 @@ class Model(Numbers):
         return out
 
     def closed(self, t: float, y: FloatArray, choose: bool = True) -> FloatArray:
-        """Return a state near y that closes all rows, unless told otherwise by a new choice of coordinates."""
+        """Return a state near y that closes all rows, by default after a new choice of coordinates."""
         y, m, size = y.copy(), self.rows, self.size
         q, v = y[:size], y[size : 2 * size]
         dependent = self.choose(t, self.look(t, q, v)[0]) if choose else self.order[:m].astype(int)

@@ -332,8 +332,7 @@ class Run(Recording):
                     touch.trace.append((t, float(self.model.contacts_told[k, eq.NORMAL]), self._depth(k)))
 
     def _depth(self, k: int) -> float:
-        c, room = self.model.contacts[k, eq.C], self.model.contacts_told[k, eq.ROOM]
-        return float(2 * c * room / (c + np.sqrt(c * c + 2 * c * room)))
+        return float(depth_of(self.model.contacts[k, eq.C], self.model.contacts_told[k, eq.ROOM]))
 
     def _sample(self, y: FloatArray) -> None:
         self.model(float(self.times_s[len(self.states)]), y)
@@ -400,6 +399,11 @@ class Run(Recording):
         largest_of = *largest(times, force), *largest(times, depth)
         lasted = self.t - touch.time_s
         self.impacts[k].append([touch.time_s, lasted, touch.speed_m_s, impulse, sum(lost), *largest_of])
+
+
+def depth_of(c: float, room: Any) -> Any:
+    """Return the depth of a pin, or in n states (n,), by its clearance and what is told of its room."""
+    return 2 * c * room / (c + np.sqrt(c * c + 2 * c * room))
 
 
 def _zero(value: Callable[[float], float], begin: float, end: float) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from time import perf_counter
+from typing import Any, cast
 
 import numpy as np
 import pymunk
@@ -65,6 +66,8 @@ class Loop:
         batch.get_space_bodies(model.space, FIELDS.BODY_ID, ids)
         order = [*memoryview(ids.int_buf()).cast("P")]
         self.rows = np.array([order.index(body.id) for body in model.bodies])
+        self._look_ahead = cast(Any, kicks.look_ahead).compiled()
+        self._account = cast(Any, kicks.account).compiled()
         model.set_velocities(velocity)
         self._get()
 
@@ -133,7 +136,7 @@ class Loop:
         """Find what a kick was, and its reactions."""
         bodies = self.before, self.state, self.rows, self.model.origin
         found = self._motion, self.told, self.powers, self.multipliers
-        kicks.account(self.forces.p, self.plan, given, *bodies, *found)
+        self._account(self.forces.p, self.plan, given, *bodies, *found)
 
     def _step(self, t: float, step_s: float, left_s: float) -> bool:
         """Take a step to a time, from which there is some left to the next sample; return whether pins touch.
@@ -168,14 +171,15 @@ class Loop:
 
     def _look(self, t: float, step_s: float, left_s: float) -> int:
         """Fill the loads of the kick at a time, and return what acts in it."""
-        self.plan[[kicks.TIME, kicks.STEP, kicks.LEFT]] = t, step_s, left_s
+        plan = self.plan
+        plan[kicks.TIME], plan[kicks.STEP], plan[kicks.LEFT] = t, step_s, left_s
         if not self._looks:
-            self.plan[kicks.KICK] = step_s
+            plan[kicks.KICK] = step_s
             self.before[:] = self.state[self.rows, 3:]
             return kicks.NOTHING
         model, p = self.model, self.forces.p
         bodies = self.state, self.before, self.rows, model.origin, model.lift_N
-        acts = int(kicks.look_ahead(p, self.plan, *bodies, self.told, self.powers, self._loads))
+        acts = int(self._look_ahead(p, plan, *bodies, self.told, self.powers, self._loads))
         if acts >= kicks.THROUGH:
             self._fail(acts - kicks.THROUGH, t)
         return acts

@@ -4,14 +4,14 @@ import numpy as np
 
 from engine_models.engine import FloatArray
 from engine_models.minimal import equations as eq
-from engine_models.minimal.run import Recording
+from engine_models.minimal.run import Recording, depth_of
 from engine_models.pymunk import kicks
 from engine_models.pymunk.loop import Loop
 from engine_models.scene.scene import Scene
 
 #: Kicks of a half-kick start that are not those of their time.
 ODD_KICKS = 2
-#: A contact that is on: its begin, approach speed and sums before, and its kicks: (t, force, depth).
+#: A contact that is on: its begin, approach speed and sums before, and its kicks: (t, force, ``eq.ROOM``).
 Touch = tuple[float, float, FloatArray, list[tuple[float, float, float]]]
 
 
@@ -56,20 +56,21 @@ class Record(Recording):
     def _follow(self, rates: FloatArray) -> None:
         """Follow the contacts through a kick: those that touch, and those that no longer do."""
         loop, t = self._loop, float(self._loop.plan[kicks.TIME])
-        for k, phase in enumerate(self.model.phases[:, 0]):
-            told, native, touch = loop.told[eq.OF_CONTACT * k :], loop.native.get(k), self._touches.get(k)
+        for k, phase in enumerate(self.model.phases[:, 0].tolist()):
+            at, native, touch = eq.OF_CONTACT * k, loop.native.get(k), self._touches.get(k)
             c, sums = self.model.contacts[k, eq.C], self._sums[eq.OF_SUMS * k : eq.OF_SUMS * (k + 1)]
-            depth = float(2 * c * told[eq.ROOM] / (c + np.sqrt(c * c + 2 * c * told[eq.ROOM])))
             if native.impulse_N_s[0] > 0 if native else phase != eq.FLIGHT:
+                room = loop.told.item(at + eq.ROOM)
                 if touch is None:
-                    speed = native.rate_m_s if native else float(rates[k] * c / (c + depth))
+                    speed = native.rate_m_s if native else float(rates[k] * c / (c + depth_of(c, room)))
                     touch = self._touches[k] = t, speed, sums.copy(), []
-                touch[3].append((t, float(told[eq.NORMAL]), depth))
+                touch[3].append((t, loop.told.item(at + eq.NORMAL), room))
             elif touch is not None:
                 del self._touches[k]
                 began_s, speed, before, trace = touch
                 impulse, *lost = (sums - before).tolist()
-                time_s, force, deep = np.transpose(trace)
+                time_s, force, room = np.transpose(trace)
+                deep = depth_of(c, room)
                 largest = [np.nan] * 4
                 if native is None:
                     tops = force.argmax(), deep.argmax()
