@@ -68,8 +68,7 @@ class Guard:
         """The fastest rate (s,) at each sample: of the start, of bodies, of springs and dampers."""
         mechanism = self.run.mechanism
         least = max((swing_s(load, mechanism) for load in mechanism.loads), default=0.0)
-        moving = [rate_of(v, self.scales.length_m) for v in self.run.v]
-        return np.maximum(moving, max(least, self.scales.rate_s))
+        return np.maximum(rate_of(self.run.v, self.scales.length_m), max(least, self.scales.rate_s))
 
     @property
     def _turned(self) -> FloatArray:

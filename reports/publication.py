@@ -28,7 +28,7 @@ from studies.case import STUDIES
 from studies.store import Store
 
 #: Columns of times, and those that say no more than the file and the row itself.
-TIMES = ("solve_time_s", "build_time_s")
+TIMES = ("solve_time_s", "engine_time_s")
 LEFT_OUT = ("case", "study")
 #: Significant digits of a measured number, of a time and of an uncertainty; and of an error so many as are
 #: above a tenth of its uncertainty, but some.

@@ -91,15 +91,9 @@ def measure(case: Case) -> tuple[Row, Curves]:
     return row, curves
 
 
-def end_of(engine: Engine, scene: Scene, settings: RunSettings, run: Trajectory | None = None) -> FloatArray:
+def end_of(engine: Engine, scene: Scene, run: RunSettings, made: Trajectory | None = None) -> FloatArray:
     """Return all bodies' positions (bodies, 3) at a recorded run's end, kept for timed runs to be held to."""
-    return kept(
-        __name__,
-        engine,
-        scene,
-        settings,
-        lambda: (run or engine.simulate(scene, settings)).position[-1],
-    )
+    return kept(__name__, engine, scene, run, lambda: (made or engine.simulate(scene, run)).position[-1])
 
 
 def _contacts(prefix: str, run: Trajectory) -> Curves:

@@ -67,7 +67,7 @@ def require_same_end(scene: Scene, bare: FloatArray, recorded: FloatArray) -> fl
 
 
 def times(case: Case, samples: int = SAMPLES) -> Row:
-    """Return the native solve's least time over a round's repeats, and what building took besides.
+    """Return the native solve's least time over a round's repeats, without what building took.
 
     Of an engine that is stepped by a loop of ours it has the time inside its own calls, too.
 
@@ -84,26 +84,20 @@ def times(case: Case, samples: int = SAMPLES) -> Row:
     if LONG_S < before < np.inf or second <= SPREAD * before < np.inf:
         return {"repeats": 0}
     recorded = end_of(engine, case.scene, replace(case.run, samples=samples))
-    solves: list[float] = []
-    builds: list[float] = []
-    inside: list[float] = []
-    apart = 0.0
+    solves, inside, apart = list[float](), list[float](), 0.0
     for _ in range(1 + AGAIN):
-        n = len(solves)
-        # The first one may build for as long as all others take.
-        while len(solves) == n or (
-            sum(solves[n:]) + sum(builds[n + 1 :]) < REPEAT_S and len(solves) < n + REPEATS
-        ):
-            start = time.perf_counter()
+        n, until = len(solves), np.inf
+        while len(solves) < n + REPEATS and time.perf_counter() < until:
             run = engine.bare_run(case.scene, case.run)
-            builds.append(time.perf_counter() - start - run.solve_time_s)
+            if len(solves) == n:  # which may load or build for as long as all others take
+                until = time.perf_counter() + REPEAT_S - run.solve_time_s
             solves.append(run.solve_time_s)
             inside += [] if run.engine_time_s is None else [run.engine_time_s]
             apart = max(apart, require_same_end(case.scene, run.position, recorded))
         if min(solves) <= SPREAD * before:
             break
     rounds.append(min(solves))
-    row: Row = {"solve_time_s": min(solves), "build_time_s": min(builds), "repeats": len(solves)}
+    row: Row = {"solve_time_s": min(solves), "repeats": len(solves)}
     if inside:
         row["engine_time_s"] = min(inside)
     return row | {"end_apart_m": apart}

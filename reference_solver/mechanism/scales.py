@@ -66,7 +66,7 @@ def _push(load: Force | Torque, mechanism: Mechanism, length: float, end_time_s:
     return float(np.sqrt(largest / min(masses, default=np.inf) / length))
 
 
-def rate_of(change: FloatArray, length_m: float) -> float:
-    """Return the largest of angles' changes, and of positions' in lengths."""
-    x, y, angle = np.abs(change.reshape(-1, 3)).max(axis=0)
-    return max(float(np.hypot(x, y)) / length_m, float(angle))
+def rate_of(change: FloatArray, length_m: float) -> FloatArray:
+    """Return the largest of angles' changes, and of positions' in lengths, of changes (..., n) (...,)."""
+    x, y, angle = np.moveaxis(np.abs(change.reshape(*change.shape[:-1], -1, 3)).max(axis=-2), -1, 0)
+    return np.asarray(np.maximum(np.hypot(x, y) / length_m, angle))

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from engine_models.engine import FloatArray
-from engine_models.minimal.forces import ZERO
 from engine_models.minimal.model import Numbers, damping_of
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import ConstantSpeed, DriveData, MechanismData
@@ -42,8 +41,11 @@ def closed(scene: Scene, position: FloatArray, turning: int | None) -> FloatArra
         if turning is not None:  # its row, the last, is from the angle in the first position
             open_by[:, -1] -= begun[:, 3 * turning + 2] - begun[0, 3 * turning + 2]
         weighted = weights * B @ B.swapaxes(1, 2)
-        inverse = np.linalg.pinv(weighted, (DEPENDENT / 10) ** 2 if dependent else ZERO, hermitian=True)
-        force = np.einsum("nij,nj->ni", inverse, open_by)
+        if dependent:
+            inverse = np.linalg.pinv(weighted, (DEPENDENT / 10) ** 2, hermitian=True)
+            force = np.einsum("nij,nj->ni", inverse, open_by)
+        else:
+            force = np.linalg.solve(weighted, open_by[:, :, None])[:, :, 0]
         move = weights * np.einsum("nmk,nm->nk", B, force)
         step, turn = np.abs(move).max(axis=1), np.abs(move[:, 2::3]).max(axis=1)
         at = at - move * np.minimum(1.0, TURN_RAD / np.maximum(turn, TURN_RAD))[:, None]
