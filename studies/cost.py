@@ -21,8 +21,8 @@ from studies.accuracy import SAMPLES, case_of, end_of
 from studies.case import Case, Curves, Row
 from studies.settings import ladder, scenes
 
-#: Rounds of timed runs over all engines, quick and full.
-ROUNDS, FULL_ROUNDS = 3, 5
+#: Rounds of timed runs over all engines.
+ROUNDS = 3
 #: A bare run is repeated in its round until this much time is spent, in s, and no more often than that.
 REPEAT_S, REPEATS = 0.02, 100
 #: A round is as good as another if its least time is no more than so many times as long; how often one that
@@ -42,7 +42,7 @@ def cases(full: bool) -> list[Case]:
     """
     rungs = [(scene, rung) for scene in scenes(full) for rung in ladder(scene, full)]
     out = []
-    for k in range(FULL_ROUNDS if full else ROUNDS):
+    for k in range(ROUNDS):
         shuffled = Random(k).sample(rungs, len(rungs))
         out += [case_of("cost", scene, rung, 1, timed=True, round=k) for scene, rung in shuffled]
     return list({str(one.head()): one for one in out}.values())  # samples may cut two settings to one step

@@ -59,16 +59,16 @@ SHORT = (
 QUICK = ("ideal-free", "ideal-driven", "clearance-driven-damped", "rigid-free-0.5mm")
 #: How many of a scene's settings the quick set has.
 QUICK_SETTINGS = (0, 1)
-#: What the full set adds: ten times as many turns and more.
+#: What the full set adds: ten times as many turns.
 LONG = (
-    Length("ideal-free", 100.0, 5000, (50, 100, 200), "ideal-free-long"),
-    Length("ideal-driven", 1000 * TURN_S, 5000, (30, 60, 120), "ideal-driven-long"),
-    Length("ideal-fluctuating", 1000 * TURN_S, 5000, (30, 60, 120), "ideal-fluctuating-long"),
-    Length("ideal-compressor", 10.0, 2000, (20, 40, 80), "ideal-compressor-long"),
-    Length("clearance-start-up", 0.36, 1800, (20, 40, 80), "clearance-start-up-long"),
-    Length("clearance-free-0.5mm", 10.0, 2000, (125, 250), "clearance-free-0.5mm-long"),
-    Length("clearance-driven-damped", 100 * TURN_S, 1200, (100, 200), "clearance-driven-damped-long"),
-    Length("rigid-free-0.5mm", 10.0, 2000, (125,), "rigid-free-0.5mm-long"),
+    Length("ideal-free", 60.0, 3000, (50, 100), "ideal-free-long"),
+    Length("ideal-driven", 1000 * TURN_S, 5000, (30, 60), "ideal-driven-long"),
+    Length("ideal-fluctuating", 1000 * TURN_S, 5000, (30, 60), "ideal-fluctuating-long"),
+    Length("ideal-compressor", 10.0, 2000, (20, 40), "ideal-compressor-long"),
+    Length("clearance-start-up", 0.36, 1800, (20, 40), "clearance-start-up-long"),
+    Length("clearance-free-0.5mm", 4.0, 800, (125, 250), "clearance-free-0.5mm-long"),
+    Length("clearance-driven-damped", 60 * TURN_S, 720, (100, 200), "clearance-driven-damped-long"),
+    Length("rigid-free-0.5mm", 4.0, 800, (125,), "rigid-free-0.5mm-long"),
 )
 
 #: Methods that choose their steps have a tolerance on each rung in place of the step.
