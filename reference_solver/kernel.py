@@ -8,25 +8,57 @@ functions have one form (see ``machine_code``). A state y has q, q' and sums, ga
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache, cached_property, partial
 from itertools import count
+from typing import Any, TypeVar
 
 import numpy as np
 
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.impacts import resolver, walls_at
 from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, parameters_text
-from reference_solver.mechanism.contacts import gap
-from reference_solver.mechanism.lifting import lifted
+from reference_solver.mechanism.contacts import WRITTEN_OUT, gap
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import PiecewiseCubic, PlacedTable
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, step
 from reference_solver.run import CONTACT_RECORD, GAP_FIELDS, Run
 from reference_solver.tape import Array, FloatArray, Node, Scalar, Tape, array, both, choose
+
+T = TypeVar("T")
+
+
+def lifted(
+    data: T,
+    number: Callable[[float], Any],
+    placed: Callable[[PiecewiseCubic], PlacedTable] = PiecewiseCubic.placed,
+    written_out: tuple[float, ...] = (),
+) -> T:
+    """Return dataclasses and tuples with every number replaced, in order; zeros and ``written_out`` stay.
+
+    What equals zero is structure: a point at the centre of mass, a law without damping. Of a table, of which
+    a kernel has no input for each number, those of its place are replaced, as ``placed`` gives it. Fields
+    that do not count where two are compared, such as names, are left as they are.
+    """
+    new: Any = data
+    if isinstance(data, float):
+        new = 0.0 if data == 0 else data if data in written_out else number(data)
+    elif isinstance(data, tuple):
+        new = tuple(lifted(part, number, placed, written_out) for part in data)
+    elif isinstance(data, PiecewiseCubic):
+        new = lifted(placed(data), number)
+    elif is_dataclass(data):
+        new = copy.copy(data)
+        for field in fields(data):
+            if field.compare:
+                kept = field.metadata.get(WRITTEN_OUT, ())
+                value = lifted(getattr(data, field.name), number, placed, kept)
+                object.__setattr__(new, field.name, value)  # the copy of frozen data
+    return new  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True)
@@ -61,7 +93,7 @@ class Topology:
             of_tables[:0] = table.rows
             return placed
 
-        lifted((self.mechanism, self.baumgarte), numbers.append, placed=place)
+        lifted((self.mechanism, self.baumgarte), numbers.append, place)
         return numbers, of_tables
 
     def equations_on(self, tape: Tape) -> Equations:

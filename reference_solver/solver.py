@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from reference_solver import failures
-from reference_solver.energy import FLAT, Guard
+from reference_solver.energy import FLAT, Guard, Scales, scales_of
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.loop import DONE, FAILED, FULL, SPENT, WALL, loop_of
 from reference_solver.mechanism.contacts import separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
-from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853, dopri5, step
-from reference_solver.run import OLD, START, WEIGHT, ModeChange, Run, new_run
-from reference_solver.solution import Solution, solution_of
+from reference_solver.run import OLD, START, WEIGHT, ModeChange, Run, Solution, new_run, solution_of
 from reference_solver.tape import FloatArray, RecordArray
 
 if TYPE_CHECKING:  # it brings Numba, which takes a moment
@@ -70,7 +68,7 @@ class ErrorControl:
     The method is "dop853", of order 8, or "dopri5", of order 5, by which the other's runs are tested.
 
     The tolerance is a part of the mechanism's length for positions, of a radian for angles, and of both times
-    the mechanism's own rate for velocities (see ``scales``); it is one of a step, not of the result. Events
+    the mechanism's own rate for velocities (see ``Scales``); it is one of a step, not of the result. Events
     are located. Pins before rigid walls bounce until a flight would be so short that its height is of the
     tolerance; or, where ``lowest_flight`` is given, of so many times the distance's round-off.
     """
