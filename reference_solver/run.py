@@ -5,14 +5,13 @@ Samples of the motion, forces and sums, and what contacts did, are its solution.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_solver.mechanism.contacts import FLIGHT, ClearanceJoint, steepest
+from reference_solver.mechanism.contacts import FLIGHT, steepest
 from reference_solver.mechanism.loads import apart_m
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.methods import Method
@@ -199,19 +198,14 @@ class Run(NamedTuple):
 
 
 def new_run(
-    method: Method,
-    joints: Sequence[ClearanceJoint],
-    sums: list[str],
-    sizes: tuple[int, int],
-    times: FloatArray,
-    knots: Sequence[tuple[float, float, int]] = (),
+    method: Method, mechanism: Mechanism, sums: list[str], multipliers: int, times: FloatArray
 ) -> Run:
     """Return a run of zeros by a method, pins in flight; a kernel has to be bound to it.
 
-    ``sums`` are named as in ``Equations.power_names``; sizes are the numbers of coordinates and {lambda}.
+    ``sums`` are named as in ``Equations.power_names``; {lambda} has so many multipliers.
     """
-    (n, multipliers), K = sizes, len(joints)
-    contacts = np.zeros(K, CONTACT_RECORD)
+    n, joints, K = 3 * len(mechanism.bodies), mechanism.contacts, len(mechanism.contacts)
+    contacts, knots = np.zeros(K, CONTACT_RECORD), np.array([*mechanism.knots_by_angle], KNOT_RECORD)
     size, gaps = 2 * n + len(sums), GAP_FIELDS * K
     rigid = [joint for joint in joints if joint.rigid]
     wall_rows = len(rigid)
@@ -242,7 +236,7 @@ def new_run(
     run["contacts"], run["at"], run["width"] = contacts.ctypes.data, rows.ctypes.data, rows.strides[0]
     run["samples"], run["sample_width"] = samples.ctypes.data, samples.strides[0]
     run["place_of_h"], run["whole"] = size + gaps, size + gaps + 1 + 2 * n
-    return Run(state, rows, contacts, record_of(method), np.array(list(knots), KNOT_RECORD), times, samples)
+    return Run(state, rows, contacts, record_of(method), knots, times, samples)
 
 
 def record_of(method: Method) -> RecordArray | None:
