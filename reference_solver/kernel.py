@@ -134,13 +134,12 @@ class Given:
 
 
 def rates(given: Given) -> list[Scalar]:
-    """Rates of q, q' and the sums (2n + s,), and the rate of the damper that friction of pins is.
+    """Rates of q, q' and the sums (2n + s,).
 
     A projection acts between steps: the rate of what it removes is zero.
     """
     answer = given.answer
-    slopes = [*given.v, *answer.accelerations, *answer.powers.values(), answer.removed_W]
-    return [*slopes, answer.damper_per_s, answer.condition]
+    return [*given.v, *answer.accelerations, *answer.powers.values(), answer.removed_W, answer.condition]
 
 
 def forces(given: Given) -> list[Scalar]:
@@ -199,10 +198,7 @@ def stepped(given: Given) -> list[Scalar]:
 
 
 #: The functions of a kernel by their names.
-FUNCTIONS: dict[str, Callable[[Given], list[Scalar]]] = {
-    **{function.__name__: function for function in (rates, forces, project, gaps, mobilities, walls)},
-    "step": stepped,
-}
+FUNCTIONS = {f.__name__: f for f in (rates, forces, project, gaps, mobilities, walls, stepped)}
 
 
 @dataclass(frozen=True)
@@ -221,11 +217,11 @@ class Program:
 
 @cache
 def program_of(topology: Topology) -> Program:
-    """Return the program of a marked topology; it has ``step`` if the method has no steps of its own."""
+    """Return the program of a marked topology; it has ``stepped`` if the method has no steps of its own."""
     texts, parameters = list[str](), dict[Node, int]()
     names = [*FUNCTIONS]
     if topology.method.estimates:
-        names.remove("step")
+        names.remove("stepped")
     if topology.following or not any(joint.rigid for joint in topology.mechanism.contacts):
         names.remove("walls")
     for name in names:
@@ -267,4 +263,4 @@ class Kernel:
         if "walls" in self.functions:
             run.state["walls_p"], run.state["resolve"] = self.p, resolver().address
         for name in FUNCTIONS.keys() & self.functions.keys():
-            run.state["step_function" if name == "step" else name] = self.functions[name].address
+            run.state[name] = self.functions[name].address

@@ -100,7 +100,7 @@ RUN_RECORD = np.dtype(
             "n size rigid_joints wall_rows controlled located known resumed steps budget taken logged landed "
             "rejected fresh wall settled at_once fault "
             "p contacts at width samples sample_width place_of_h whole "
-            "rates forces project gaps mobilities walls walls_p resolve step_function",
+            "rates forces project gaps mobilities walls walls_p resolve stepped",
         ),
         ("events", EVENT_RECORD, LOG_ROWS),
     ]

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from reference_solver import failures
-from reference_solver.energy import FLAT, Guard, Scales, scales_of
+from reference_solver.energy import FLAT, Scales, check_drift, check_energy, scales_of
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.impacts import BLOCKED, PARADOX, SINGULAR, UNSETTLED
 from reference_solver.kernel import Kernel, Topology
@@ -208,10 +208,10 @@ class Solver:
             raise failures.NonFiniteState(time_s=end_time_s)
         solution = solution_of(run, self._mechanism, self._names, np.concatenate(events), changes, took)
         scales = Scales(float(state["length"]), float(state["rate"]))
-        guard = Guard(solution, scales, float(state["longest"]), float(state["tolerance"]))
-        guard.check_energy()
+        sizes = scales, float(state["longest"]), float(state["tolerance"])
+        check_energy(solution, *sizes)
         if not self._projected:
-            guard.check_drift(self._equations, float(state["least"]))
+            check_drift(solution, *sizes, self._equations, float(state["least"]))
         return solution
 
     def _refuse_event(self, run: Run) -> None:

@@ -378,7 +378,7 @@ def attempt(run, rows, contacts, method, step, most):
     if method is None:
         run.known, old[run.place_of_h] = 0, step.H
         state = run.at + OLD * run.width
-        run.worst = call(run.step_function, run.p, run.contacts, run.time, state, run.at + NEW * run.width)
+        run.worst = call(run.stepped, run.p, run.contacts, run.time, state, run.at + NEW * run.width)
         total = 0.0
         for c in range(size):
             new[c] += old[c] if c >= 2 * run.n else 0.0
