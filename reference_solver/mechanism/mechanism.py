@@ -120,8 +120,8 @@ def _torque(drive: DriveData) -> loads.Law | None:
             return loads.Constant(torque)
         case data.Motor(table=data.Table() as table):
             return loads.BySpeed(_held(table))
-        case data.Motor(stall, speed):
-            return loads.Motor(stall, speed)
+        case data.Motor() as motor:
+            return motor
     return None
 
 
