@@ -139,9 +139,6 @@ def energy(event):
     return total
 
 
-# ------------------------------------------------------------------------------------ complementarity
-
-
 @inner
 def pivot(A, i):
     """Exchange z_i and w_i of w = A z + b, b being column S; column S + 1 says whether it is exchanged."""
@@ -201,9 +198,6 @@ def solve(event, kind):
         if contact.chosen != 0.0 and contact.part != 0.0:
             z[contact.tangent] = contact.part * z[contact.joint]
     return i == S
-
-
-# ------------------------------------------------------------------------------------------ one impact
 
 
 @inner

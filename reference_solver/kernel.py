@@ -130,9 +130,6 @@ class Given:
         return self.equations.answer(self.t, self.q, self.v, self.phases)
 
 
-# ------------------------------------------------------- functions: what they store, and the condition
-
-
 def rates(given: Given) -> list[Scalar]:
     """Rates of q, q' and the sums (2n + s,).
 

@@ -184,9 +184,6 @@ def _mark(operand: Any) -> str:
     return f"node {id(operand)}" if isinstance(operand, Node) else repr(operand)
 
 
-# ------------------------------------------------------------------ functions of numbers and of values
-
-
 def array(elements: Any) -> Array:
     """Return an array of numbers, or of objects where a value is among the elements."""
     try:

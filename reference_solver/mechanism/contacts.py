@@ -48,8 +48,6 @@ LEAST_DEPTH = 1e-12
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.
 ROUND_OFF = 64 * float(np.finfo(float).eps)
 
-# ------------------------------------------------ a clearance as a file has it (see ``ClearanceData``)
-
 
 def exponent_of(room: Any) -> float:
     """Return the exponent n of F = K delta^n: as given, else 1 for the linear laws and 3/2 for the others."""
@@ -79,9 +77,6 @@ def damping_factor_of(room: Any) -> float:
 def minimum_impact_speed_of(room: Any) -> float:
     """Return the floor of v0 in m/s."""
     return float(room.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S)
-
-
-# ------------------------------------------------------------------------------------------ laws
 
 
 @dataclass(frozen=True)
@@ -172,9 +167,6 @@ FRICTION_LAWS = {"saturated-linear": saturated_linear, "ambrosio": ambrosio, "ta
 def steepest(law: FrictionLaw) -> float:
     """Return the largest slope of the law's f(v), in s/m."""
     return 1 / (law.regularisation_speed_m_s - law.dead_band_speed_m_s)
-
-
-# -------------------------------------------------------------------------------------- the joint
 
 
 @dataclass(frozen=True)
@@ -292,9 +284,6 @@ def gap(
     elastic, damper, push = (0.0, 0.0, pressing) if joint.rigid else when(phase > FLIGHT, closed, 3)
     fields = {"g": 0.5 * (d @ d - c * c) / c, "rate": g_rate, "speed": sqrt(d_dot @ d_dot), "depth": depth}
     return {**fields, "elastic": elastic, "damper": damper, "push": push}
-
-
-# --------------------------------------------------------------------------------- rigid walls
 
 
 @dataclass(frozen=True)
