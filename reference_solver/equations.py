@@ -14,7 +14,6 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver import failures
 from reference_solver.factorisation import Factors, eliminated
@@ -317,9 +316,13 @@ class Equations:
         if (reason := light(self.mechanism.bodies)) is not None:
             raise failures.TooLight(reason)
         values, shares = row_dependence(self.system(0.0, q).B, self.inverse_mass, tolerance)
-        rank, names = int((values > tolerance).sum()), self._names_of(shares > INVOLVED)
+        rank, rows = int((values > tolerance).sum()), shares > INVOLVED
+        own = enumerate(row_slices(self.mechanism.constraints, self.n))
+        names = [self.mechanism.name_of(k) for k, part in own if rows[part].any()]
+        walls = zip(self.following, rows[self.own_rows :], strict=True)
+        joints = *dict.fromkeys(names), *(f"the wall of contact {k}" for k, there in walls if there)
         raise failures.SingularConfiguration(
-            rank=rank, rows=len(self.C), time_s=t, joints=names, names=failures.listed(names)
+            rank=rank, rows=len(self.C), time_s=t, joints=joints, names=failures.listed(joints)
         )
 
     def limit_s(self, times_s: FloatArray, q: FloatArray, taken: int) -> float | None:
@@ -349,13 +352,6 @@ class Equations:
             else:
                 step /= 2
         return None
-
-    def _names_of(self, rows: NDArray[np.bool_]) -> tuple[str, ...]:
-        """Return the names of the constraints that have some of these rows, (m,)."""
-        own = enumerate(row_slices(self.mechanism.constraints, self.n))
-        found = [self.mechanism.name_of(k) for k, part in own if rows[part].any()]
-        walls = zip(self.following, rows[self.own_rows :], strict=True)
-        return *dict.fromkeys(found), *(f"the wall of contact {k}" for k, there in walls if there)
 
     def project(
         self, t: Scalar, q: Array, v: Array, phases: Phases = None

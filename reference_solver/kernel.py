@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache, cached_property, partial
 from itertools import count
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -29,22 +29,20 @@ from reference_solver.methods import RK4, Method, step
 from reference_solver.run import CONTACT_RECORD, GAP_FIELDS, Run
 from reference_solver.tape import Array, FloatArray, Node, Scalar, Tape, array, both, choose
 
-T = TypeVar("T")
-
 
 def lifted(
-    data: T,
+    data: Any,
     number: Callable[[float], Any],
     placed: Callable[[PiecewiseCubic], PlacedTable] = PiecewiseCubic.placed,
     written_out: tuple[float, ...] = (),
-) -> T:
+) -> Any:
     """Return dataclasses and tuples with every number replaced, in order; zeros and ``written_out`` stay.
 
     What equals zero is structure: a point at the centre of mass, a law without damping. Of a table, of which
     a kernel has no input for each number, those of its place are replaced, as ``placed`` gives it. Fields
     that do not count where two are compared, such as names, are left as they are.
     """
-    new: Any = data
+    new = data
     if isinstance(data, float):
         new = 0.0 if data == 0 else data if data in written_out else number(data)
     elif isinstance(data, tuple):
@@ -58,7 +56,7 @@ def lifted(
                 kept = field.metadata.get(WRITTEN_OUT, ())
                 value = lifted(getattr(data, field.name), number, placed, kept)
                 object.__setattr__(new, field.name, value)  # the copy of frozen data
-    return new  # type: ignore[no-any-return]
+    return new
 
 
 @dataclass(frozen=True)
@@ -167,7 +165,7 @@ def gaps(given: Given) -> list[Scalar]:
     for k, joint in enumerate(given.equations.mechanism.contacts):
         phase, memory = given.phases[k]
         pressing = powers.get(f"normal{k}", 0.0)
-        fields += gap(joint, phase, memory, State(given.q, given.v), pressing).values()
+        fields += gap(joint, phase, memory, State(given.q, given.v), pressing)
     return [*fields, condition]
 
 

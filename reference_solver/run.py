@@ -300,10 +300,8 @@ class Solution:
     @property
     def gap_m(self) -> FloatArray:
         """Return d, from bearing centre to pin centre, (s, K, 2)."""
-        gaps = np.empty((len(self.q), len(self.mechanism.contacts), 2))
-        for k, joint in enumerate(self.mechanism.contacts):
-            gaps[:, k] = apart_m(joint, self.q)
-        return gaps
+        gaps = [apart_m(joint, self.q) for joint in self.mechanism.contacts]
+        return np.array(gaps).reshape(-1, len(self.q), 2).swapaxes(0, 1)
 
     def losses_J(self) -> FloatArray:
         """Return the energy that all contacts have dissipated, (s,)."""

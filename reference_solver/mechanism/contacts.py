@@ -262,9 +262,7 @@ def contact_force(
     return pair(bearing, pin, array([x, y]), twist_i, twist_j), rates, tangential
 
 
-def gap(
-    joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State, pressing: Scalar = 0.0
-) -> dict[str, Scalar]:
+def gap(joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State, pressing: Scalar) -> list[Scalar]:
     """Return the fields of ``run.Gap``.
 
     g = (d.d - c^2)/(2c), polynomial in d, has the sign of the penetration and its slope at touch. Where the
@@ -282,8 +280,7 @@ def gap(
         return elastic, damper, 1.0 + damper / elastic * (g_rate * c / distance)
 
     elastic, damper, push = (0.0, 0.0, pressing) if joint.rigid else when(phase > FLIGHT, closed, 3)
-    fields = {"g": 0.5 * (d @ d - c * c) / c, "rate": g_rate, "speed": sqrt(d_dot @ d_dot), "depth": depth}
-    return {**fields, "elastic": elastic, "damper": damper, "push": push}
+    return [0.5 * (d @ d - c * c) / c, g_rate, sqrt(d_dot @ d_dot), depth, elastic, damper, push]
 
 
 @dataclass(frozen=True)
