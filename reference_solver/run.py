@@ -301,7 +301,7 @@ class Solution:
     def gap_m(self) -> FloatArray:
         """Return d, from bearing centre to pin centre, (s, K, 2)."""
         gaps = [apart_m(joint, self.q) for joint in self.mechanism.contacts]
-        return np.array(gaps).reshape(-1, len(self.q), 2).swapaxes(0, 1)
+        return np.asarray(np.reshape(gaps, (-1, len(self.q), 2)).swapaxes(0, 1))
 
     def losses_J(self) -> FloatArray:
         """Return the energy that all contacts have dissipated, (s,)."""
