@@ -268,20 +268,6 @@ class Equations:
         _, multipliers = factors.solve(np.zeros(self.n), drift)
         return right - feedback, multipliers @ feedback
 
-    def mobilities(self, q: Array) -> list[Scalar]:
-        """Return three mobilities in 1/kg of every contact, (3K,): a speed per unit of its own impulse.
-
-        They are along the normal, of sliding (0 without friction), and of the pin's centre along its wall. A
-        row N of a speed has N x, with x the answer of (2) and (4) to a force N^T alone.
-        """
-        state, B = State(q, np.zeros(self.n)), self.system(0.0, q).B
-        factors, mobilities = self.factors(B), list[Scalar]()
-        for joint in self.mechanism.contacts:
-            at = separation(joint, state)
-            for row in (at.normal, None if joint.friction is None else at.tangent, at.across):
-                mobilities.append(0.0 if row is None else row @ factors.solve(row, np.zeros(len(B)))[0])
-        return mobilities
-
     def required(
         self, t: float, q: FloatArray, v: FloatArray, phases: Phases = None, h: float = 0.0, of: Method = RK4
     ) -> Answer:

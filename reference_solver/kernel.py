@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.impacts import resolver, walls_at
+from reference_solver.impacts import resolver
 from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, parameters_text
-from reference_solver.mechanism.contacts import WRITTEN_OUT, gap
+from reference_solver.mechanism.contacts import FRICTION_LAWS, WRITTEN_OUT, gap, separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import PiecewiseCubic, PlacedTable
 from reference_solver.mechanism.points import State
@@ -170,14 +170,46 @@ def gaps(given: Given) -> list[Scalar]:
 
 
 def mobilities(given: Given) -> list[Scalar]:
-    """Three mobilities of every contact (see ``Equations.mobilities``)."""
-    return [*given.equations.mobilities(given.q), 1.0]
+    """Three mobilities in 1/kg of every contact, (3K,): a speed per unit of its own impulse.
+
+    They are along the normal, of sliding (0 without friction), and of the pin's centre along its wall. A row
+    N of a speed has N x, with x the answer of (2) and (4) to a force N^T alone.
+    """
+    state, B = State(given.q, np.zeros(len(given.q))), given.equations.system(0.0, given.q).B
+    factors, mobilities = given.equations.factors(B), list[Scalar]()
+    for joint in given.equations.mechanism.contacts:
+        at = separation(joint, state)
+        for row in (at.normal, None if joint.friction is None else at.tangent, at.across):
+            mobilities.append(0.0 if row is None else row @ factors.solve(row, np.zeros(len(B)))[0])
+    return [*mobilities, 1.0]
 
 
 def walls(given: Given) -> list[Scalar]:
-    """What rigid walls have to know (see ``impacts.walls_at``)."""
-    walls = walls_at(given.equations, given.answer, given.t, given.q, given.v)
-    return [*walls, given.answer.condition]
+    """How pins of R joints with rigid walls answer to impulses and forces, no pin following.
+
+    Of every joint there are distance and round-off (see ``Separation``), the mobility along the normal that
+    free bodies would have, in 1/kg, friction as a part of the normal force, and the inward acceleration. They
+    push along S rows D of {q'}: of every joint the inward normal speed, then of those with friction the
+    tangential one. There are the speeds (S,), W (S, S), which are speeds per unit of each impulse, {q'} per
+    unit of each (S, n), and the work of the drivers (S,).
+    """
+    equations, answer, v = given.equations, given.answer, given.v
+    state, system = State(given.q, v), equations.system(given.t, given.q, v)
+    joints = [joint for joint in equations.mechanism.contacts if joint.rigid]
+    at = [separation(joint, state) for joint in joints]
+    tangents = [each.tangent for each, joint in zip(at, joints, strict=True) if joint.friction is not None]
+    D = array([*(-each.normal for each in at), *tangents])
+    motion, reactions = equations.factors(system.B).solve(D.T, np.zeros((len(system.C), len(D))))
+    W, numbers = D @ motion, list[list[Scalar]]()
+    for each, joint, row in zip(at, joints, D, strict=False):
+        bare, law = (row * row) @ equations.inverse_mass, joint.friction
+        sliding = each.tangent @ v
+        share = 0.0 if law is None else law.coefficient * FRICTION_LAWS[law.law](law, sliding)
+        pull = row @ answer.accelerations - each.turning
+        numbers.append([each.distance, each.noise, each.rate_noise, bare, share, pull])
+    speeds = array([*(-each.rate for each in at), *(tangent @ v for tangent in tangents)])
+    parts = array(numbers), speeds, 0.5 * (W + W.T), motion.T, reactions.T @ system.C
+    return [*(x for part in parts for x in np.asarray(part).ravel()), answer.condition]
 
 
 def stepped(given: Given) -> list[Scalar]:
