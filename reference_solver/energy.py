@@ -48,8 +48,11 @@ def scales_of(
     or swing under gravity or a load's largest force, which are all that there is at an equilibrium, or one
     over the end time.
     """
+    parts = (*mechanism.constraints, *mechanism.loads, *mechanism.contacts)
+    ends = ((p, s) for p in parts if isinstance(p, Ends) for s in "ij" if getattr(p, f"body_{s}") != GROUND)
+    lever = max((float(np.hypot(*getattr(part, f"point_{s}"))) for part, s in ends), default=0.0)
     bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
-    length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
+    length = lever or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
     swing = np.sqrt(np.hypot(mechanism.gravity_m_s2, mechanism.gravity_x_m_s2) / length)
     swing = max([swing, *(_push(load, mechanism, length, end_time_s) for load in mechanism.forces)])
     drivers = (c for c in mechanism.constraints if isinstance(c, Driver))
@@ -59,12 +62,6 @@ def scales_of(
     if not (np.isfinite(rate) and rate > 0):
         rate = 1.0 / end_time_s if end_time_s > 0 else 1.0
     return Scales(length, float(rate))
-
-
-def _longest_arm(mechanism: Mechanism) -> float:
-    parts = (*mechanism.constraints, *mechanism.loads, *mechanism.contacts)
-    ends = ((p, s) for p in parts if isinstance(p, Ends) for s in "ij" if getattr(p, f"body_{s}") != GROUND)
-    return max((float(np.hypot(*getattr(part, f"point_{s}"))) for part, s in ends), default=0.0)
 
 
 def _push(load: Force | Torque, mechanism: Mechanism, length: float, end_time_s: float) -> float:

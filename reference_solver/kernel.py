@@ -83,7 +83,7 @@ class Topology:
         return replace(self, mechanism=mechanism, baumgarte=baumgarte)
 
     def numbers(self) -> tuple[list[float], list[float]]:
-        """Return the mechanism's numbers in the order of ``equations_on``, and those of its tables."""
+        """Return the mechanism's numbers in the order of ``given_on``, and those of its tables."""
         numbers, of_tables = list[float](), list[float]()
 
         def place(table: PiecewiseCubic) -> PlacedTable:
@@ -93,17 +93,6 @@ class Topology:
 
         lifted((self.mechanism, self.baumgarte), numbers.append, place)
         return numbers, of_tables
-
-    def equations_on(self, tape: Tape) -> Equations:
-        """Return the equations on a tape, with the raw numbers as inputs that are known before a run."""
-        places = count()
-
-        def number(_: float) -> Scalar:
-            return tape.input("raw", next(places), known=True)
-
-        mechanism, baumgarte = lifted((self.mechanism, self.baumgarte), number)
-        q_start = np.array([number(0.0) for _ in range(self.n)], dtype=object)
-        return Equations(mechanism, q_start, baumgarte, self.following)
 
 
 @dataclass(frozen=True)
@@ -259,11 +248,18 @@ def program_of(topology: Topology) -> Program:
 
 
 def given_on(tape: Tape, topology: Topology) -> Given:
-    """Return a topology's equations and a state on a tape."""
+    """Return a topology's equations and a state on a tape; raw numbers are inputs known before a run."""
+    places = count()
+
+    def number(_: float) -> Scalar:
+        return tape.input("raw", next(places), known=True)
+
     n, contacts, fields = topology.n, topology.mechanism.contacts, CONTACT_RECORD.itemsize // 8
     of_contacts = (tape.inputs("contacts", fields * k, 2) for k in range(len(contacts)))  # the first fields
     phases = [[0.0, 0.0] if joint.rigid else of for joint, of in zip(contacts, of_contacts, strict=True)]
-    equations = topology.equations_on(tape)
+    mechanism, baumgarte = lifted((topology.mechanism, topology.baumgarte), number)
+    q_start = np.array([number(0.0) for _ in range(n)], dtype=object)
+    equations = Equations(mechanism, q_start, baumgarte, topology.following)
     h = 2 * n + len(equations.power_names) + 1 + GAP_FIELDS * len(contacts)
     q, v, lost = tape.inputs("y", 0, n), tape.inputs("y", n, n), tape.inputs("y", h + 1, 2 * n)
     return Given(topology, equations, tape.input("t"), q, v, array(phases), tape.input("y", h), lost)
