@@ -217,23 +217,12 @@ def stepped(given: Given) -> list[Scalar]:
 FUNCTIONS = {f.__name__: f for f in (rates, forces, project, gaps, mobilities, walls, stepped)}
 
 
-@dataclass(frozen=True)
-class Program:
-    """The text of a kernel's functions, and how many numbers p has, the known nodes that they load."""
-
-    text: str
-    names: tuple[str, ...]
-    size: int
-
-    @cached_property
-    def functions(self) -> dict[str, Function]:
-        """The functions, compiled."""
-        return compile_text(self.text, self.names)
-
-
 @cache
-def program_of(topology: Topology) -> Program:
-    """Return the program of a marked topology; it has ``stepped`` if the method has no steps of its own."""
+def program_of(topology: Topology) -> tuple[str, dict[str, Function], int]:
+    """Return the text of a marked topology's functions, these, and how many numbers p has.
+
+    There is ``stepped`` if the method has no steps of its own. The numbers are known nodes that are loaded.
+    """
     texts, parameters = list[str](), dict[Node, int]()
     names = [*FUNCTIONS]
     if topology.method.estimates:
@@ -243,8 +232,8 @@ def program_of(topology: Topology) -> Program:
     for name in names:
         given = given_on(tape := Tape(), topology)
         texts.append(FunctionText(name, tape, FUNCTIONS[name](given), parameters).text)
-    texts.append(parameters_text(parameters))
-    return Program(HEAD + "".join(texts), (*names, "parameters"), len(parameters))
+    text = HEAD + "".join([*texts, parameters_text(parameters)])
+    return text, compile_text(text, [*names, "parameters"]), len(parameters)
 
 
 def given_on(tape: Tape, topology: Topology) -> Given:
@@ -272,10 +261,9 @@ class Kernel:
     """
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
-        self.topology, program = topology, program_of(topology.marked())
-        self.functions = program.functions
+        _, self.functions, size = program_of(topology.marked())
         own, of_tables = topology.numbers()
-        self._numbers = np.array([*of_tables, *np.zeros(program.size)])
+        self._numbers = np.array([*of_tables, *np.zeros(size)])
         self.p = self._numbers.ctypes.data + 8 * len(of_tables)
         raw = np.array([*own, *q_start])  # of a singular mechanism infinite numbers come, found in the run
         self.functions["parameters"](0, 0, 0.0, raw, self._numbers[len(of_tables) :])
