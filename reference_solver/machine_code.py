@@ -133,7 +133,7 @@ class FunctionText:
 
     def _write(self, scope: Scope) -> None:
         """Write what is needed of a scope in the order in which it arose."""
-        for node in scope.nodes:
+        for node in scope.values():
             if node not in self._needed or node.known or node.operation in ("input", "result"):
                 continue
             if node.operation == "branch":
