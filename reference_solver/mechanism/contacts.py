@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Ends, FrictionLaw, Pin
+from reference_solver.mechanism.data import GROUND, HERTZ_EXPONENT, LINEAR_LAWS, Ends, FrictionLaw, Pin
 from reference_solver.mechanism.loads import Forces, pair
-from reference_solver.mechanism.points import State, ends_of, speed_row
+from reference_solver.mechanism.points import State, ends_of
 from reference_solver.tape import Array, Scalar, array, choose, larger, signed, smaller, sqrt, tanh, when
 
 #: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
@@ -320,6 +320,15 @@ def separation(joint: ClearanceJoint, state: State) -> Separation:
         v_x, v_y, spin = (abs(value) for value in state.velocity(body))
         lever = larger(*map(abs, point))
         sizes = [sizes[0] + larger(x, y) + lever, sizes[1] + larger(v_x, v_y) + spin * lever]
-    of = bearing, pin, len(state.q)
-    rows = speed_row(normal, *of), speed_row(tangent, *of, radii), speed_row(tangent, *of)
+
+    # u.d' = u.(p_j' - p_i') along a direction u: the row of a ``following`` with u for d
+    def row(direction: Array, twist: tuple[Scalar, Scalar] = (0.0, 0.0)) -> Array:
+        entries: list[Scalar] = [0.0] * len(state.q)
+        for point, sign, radius in zip((bearing, pin), (-1, 1), twist, strict=True):
+            if point.body != GROUND:
+                x, y, turn = sign * (direction @ point.jacobian)
+                entries[3 * point.body : 3 * point.body + 3] = [x, y, turn + radius]
+        return array(entries)
+
+    rows = row(normal), row(tangent, radii), row(tangent)
     return Separation(distance, *rows, normal @ d_dot, turning, *(ROUND_OFF * terms for terms in sizes))
