@@ -21,10 +21,9 @@ from warnings import warn
 import numpy as np
 from pydantic import Field, InstanceOf
 
-from crankslider.run import Comparison, Run, Sweep, Times, require_file, require_outputs, write_file
+from crankslider.run import Comparison, Run, Sweep, Times, encode, require_outputs, write_file
 from engine_models.engine import (
     MOST_SAMPLES,
-    Engine,
     Impacts,
     ImpossibleStart,
     RunSettings,
@@ -115,17 +114,6 @@ def as_toml(value: object) -> object:
         return value
 
 
-def read_engine(name: str, settings: Mapping[str, object], to_tolerance: bool = False) -> Engine:
-    """Return the engine of this name with the settings given, values or text, the rest at their defaults.
-
-    For a tolerance it controls its error if it can, from the ``step_tolerance`` given, if no method is given.
-    """
-    engine = make_engine(name, **settings)
-    if not to_tolerance or "method" in settings:
-        return engine
-    return engine.controlling_error(**{key: vars(engine)[key] for key in settings if key == "step_tolerance"})
-
-
 @check_arguments
 def simulate(
     scene: SomeScene,
@@ -156,8 +144,11 @@ def simulate(
     from engine_models.convergence.doubts import doubts  # loads the compiler, which takes a second
     from engine_models.convergence.step_halving import simulate_to_tolerance
 
-    physics = read_scene(scene, end=end)
-    chosen, end_s = read_engine(engine, settings or {}, tolerance is not None), physics.end_time_s
+    physics, typed = read_scene(scene, end=end), settings or {}
+    chosen, end_s = make_engine(engine, **typed), physics.end_time_s
+    if tolerance is not None and "method" not in typed:
+        given = {key: vars(chosen)[key] for key in typed if key == "step_tolerance"}
+        chosen = chosen.controlling_error(**given)
     if not start < end_s:
         raise BadInput(f"start: expected a time < the end time {end_s:g}, got {start:g}")
     if step is not None and tolerance is not None:
@@ -165,7 +156,7 @@ def simulate(
     longest = step or (end_s if chosen.controls_error else min(DEFAULT_STEP_S, end_s))
     if tolerance is None and not SHORTEST_STEP_PART * end_s <= longest <= end_s:
         expected = f"a number from {SHORTEST_STEP_PART * end_s:g} to the end time {end_s:g}"
-        raise BadInput(f"step: expected {expected}, got {longest:g}{'' if step else ', the default'}")
+        raise BadInput(f"step: expected {expected}, got {longest:g}")
     with refusing(), np.errstate(all="ignore"):  # engines check for non-finite numbers themselves
         steps = RunSettings(longest, samples)
         if tolerance is None:
@@ -265,7 +256,8 @@ def compare(
     from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, ask, cases
     from studies.running.runner import run_cases
 
-    join_engines(engines)
+    for name in engines:
+        join(name)
     physics = read_scene(scene)
     folder = Path(out or Path("comparison", re.sub(r"[^\w.-]+|^\.+", "-", physics.name)))
     with _workers() as pool, writing("out", folder):
@@ -290,12 +282,6 @@ def compare(
                 made = pool.run(recommended.simulate, physics, settings, limit_s=LIMIT_S)
                 compared = replace(compared, run=Run(physics, case.engine, recommended, made))
         return compared
-
-
-def join_engines(engines: Sequence[str]) -> None:
-    """Add engines to the studies, also those of the user; raise BadInput if one is unknown."""
-    for name in engines:
-        join(name)
 
 
 @check_arguments
@@ -335,7 +321,7 @@ def sweep(
         settings [--set KEY=VALUE]: a setting of the engine.
         jobs: local processes; default: one for each core.
         scheduler: address of a Dask scheduler.
-        out: write the rows to this .parquet or .csv file; default: sweep.parquet, in Python a temporary one.
+        out: write the rows to .csv, .json or .parquet; default: sweep.parquet, in Python a temporary one.
         plot: draw them over the one or two fields that differ to this .png, .svg or .pdf file.
         show: column that the figure shows.
     """
@@ -343,10 +329,9 @@ def sweep(
     from studies.running.store import Store
     from studies.sweep import NAME, draw_values, member_cases, member_rows
 
-    physics, chosen = read_scene(scene), read_engine(engine, settings or {})
+    physics, chosen = read_scene(scene), make_engine(engine, **(settings or {}))
     place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
-    require_file("out", place, (".parquet", ".csv"))
-    require_outputs(physics, {} if plot is None else {"plot": plot})
+    require_outputs(physics, {"out": place, "plot": plot})
     values = draw_values(physics, vary or {}, sample, members, jitter, seed)
     if plot is not None and len(values) > 2:
         raise BadInput(f"plot: expected at most 2 fields that differ, got {len(values)}")
@@ -361,10 +346,8 @@ def sweep(
         with Store(folder) as store:
             frame = member_rows(cases, [*values], store.results(NAME)[0])
     made_by = {"version": __version__, "engine": engine, "settings": vars(chosen), **columns, "seed": seed}
-    frame.attrs = {**made_by, "scene": physics.to_toml()}  # which Parquet keeps
     swept = Sweep(f"{physics.name}, {engine}", tuple(values), frame)
-    is_csv = place.suffix.lower() == ".csv"
-    write_file("out", place, frame.to_csv(index=False).encode() if is_csv else frame.to_parquet(index=False))
+    write_file("out", place, encode(frame, place, {**made_by, "scene": physics.to_toml()}))
     if plot is not None:
         write_file("plot", plot, swept.plot(show))
     if not (warned := frame[frame["warnings"].fillna("") != ""]).empty:
@@ -400,7 +383,8 @@ def run_studies(
     for name in studies:
         if name not in STUDIES:
             raise BadInput(unknown("STUDY", name, STUDIES))
-    join_engines(engines)
+    for name in engines:
+        join(name)
     folder = Path(out)
     with writing("out", folder), _workers(jobs, scheduler) as workers:
         cases = {name: load_study(name).cases(full) for name in studies or STUDIES}
