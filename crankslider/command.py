@@ -12,11 +12,9 @@ import os
 import re
 import signal
 import sys
-import time
 import warnings
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import version
 from operator import attrgetter
@@ -32,8 +30,6 @@ from typer import Argument, Option, Typer
 from studies.failures import BadInput, Failed, bug, log, progress_console, writing
 
 INTERRUPTED = 130
-#: Time between lines on the progress of a simulation, in s.
-LINE_S = 10.0
 #: Whose functions no interrupt may leave: LLVM calls them, and goes on with half a result. It comes again.
 UNBREAKABLE, AGAIN_S = "llvmlite.", 0.01
 QUIET = Annotated[bool, Option("--quiet", help="Print neither notes nor progress, and no table of samples.")]
@@ -97,11 +93,7 @@ def option(argument: inspect.Parameter, typed: Sequence[str], text: str) -> insp
     several, flag = bool(origins & {Mapping, Sequence}), argument.default is False
     kind: Any = bool if flag else list[str] | None if several else str | None
     names, form = [word for word in typed if word.startswith("--")], typed[-1]
-    info = (
-        Option(*names, metavar=None if flag else form, help=text)
-        if names
-        else Argument(metavar=form, help=text)
-    )
+    info = (Option if names else Argument)(*names, metavar=None if flag else form, help=text)
     default = None if several else argument.default
     return argument.replace(default=default, annotation=Annotated[kind, info], kind=argument.KEYWORD_ONLY)
 
@@ -177,9 +169,8 @@ def check(given: dict[str, Any]) -> None:
     from crankslider.library import refusing
     from engine_models.reference.inspection import inspect
 
-    physics = use("read_scene", given)
-    with refusing(), progress(physics.end_time_s):
-        print("\n".join(inspect(physics)))
+    with refusing():
+        print("\n".join(inspect(use("read_scene", given))))
 
 
 def schema() -> None:
@@ -201,6 +192,8 @@ def truth(given: dict[str, Any]) -> None:
 
 def write(given: dict[str, Any], solve: str) -> None:
     """Write what was asked for of a run, without files its samples to stdout, and notes."""
+    from engine_models.watch import told_to
+
     scene = use("read_scene", given)
     files = {name: given[name] for name in ("out", "impacts", "plot", "animate") if name in given}
     use("require_outputs", given, scene=scene, files=files)
@@ -208,7 +201,11 @@ def write(given: dict[str, Any], solve: str) -> None:
         given["plot_columns"] = [name for each in given["plot_columns"] for name in each.split(",")]
     if not files and log.isEnabledFor(logging.INFO):
         given["out"] = "-"
-    with progress(scene.end_time_s):
+
+    def tell(time_s: float) -> None:
+        status.update(f"t = {time_s:.6g} s of {scene.end_time_s:g} s")
+
+    with progress_console().status("") as status, told_to(tell):
         run = use(solve, given, scene=scene, end=None)
         call(run.write, given)
     for note in run.notes():
@@ -254,8 +251,6 @@ def conform(name: str | None = None, table: str | None = None, table_scene: str 
         table [--from FILE.csv]: a CSV table of another solver in place of an engine.
         table_scene [--scene SCENE]: the scene that the table is of.
     """
-    from rich.progress import track
-
     from crankslider.library import verdicts_on_table
     from engine_models.engines import make_engine
     from studies.conform import verdicts
@@ -263,8 +258,8 @@ def conform(name: str | None = None, table: str | None = None, table_scene: str 
     if (name is None) == (table is None) or (table_scene is None) != (table is None):
         raise BadInput("NAME: expected an engine, or --from FILE.csv with --scene SCENE, got another call")
     checks = verdicts(make_engine(name)) if name else verdicts_on_table(str(table), str(table_scene))
-    quiet = not sys.stderr.isatty()  # or a line's end is left of it there
-    made = [*track(checks, name or table or "", console=progress_console(), transient=True, disable=quiet)]
+    with progress_console().status(f"checks of {name or table}"):
+        made = list(checks)
     for claim in dict.fromkeys(each.claim for each in made):
         ones = [each for each in made if each.claim == claim]
         wrong = [each for each in ones if not each.holds]
@@ -320,23 +315,6 @@ def report(results: str = "results", out: str = "report", against: str | None = 
     else:
         print("\n".join(made.answer))
     log.info(f"the report is {place / 'index.html'}")
-
-
-@contextmanager
-def progress(end_time_s: float) -> Iterator[None]:
-    """Say now and then how far the simulations of the block have come, each to its end."""
-    from engine_models.watch import told_to
-
-    began = last = time.monotonic()
-
-    def tell(time_s: float) -> None:
-        nonlocal last
-        if time.monotonic() > last + LINE_S:
-            last = time.monotonic()
-            log.info(f"t = {time_s:.6g} s of {end_time_s:g} s after {last - began:.0f} s")
-
-    with told_to(tell):
-        yield
 
 
 #: The commands, each with the names of those in ``library`` whose arguments are options of it.

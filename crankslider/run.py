@@ -15,13 +15,11 @@ import numpy as np
 
 from engine_models.engine import Engine, Trajectory
 from engine_models.mechanics.quality import Quality, quality_of
-from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
 from engine_models.scene.arguments import Place, check_arguments, in_words
 from engine_models.scene.format import Positive
 from engine_models.scene.plain_words import one_of, shown, unknown
 from engine_models.scene.scene import Scene
-from engine_models.watch import tell
 from studies.failures import BadInput, writing
 from studies.judges.columns import impact_columns, sample_columns
 
@@ -46,9 +44,6 @@ class ContactForce(NamedTuple):
     force_N: float
     joint: str
     time_s: float
-
-    def __str__(self) -> str:
-        return f"{_newtons(self.force_N)} at joint {self.joint} at t = {self.time_s:.6g} s"
 
 
 @dataclass(frozen=True)
@@ -160,20 +155,18 @@ class Run:
         if plot is not None:
             write_file("plot", plot, self.plot(plot_columns))
         if animate is not None:
-            from reports.film import film_bytes, pictured  # loads Matplotlib
+            from reports.film import film_bytes  # loads Matplotlib
 
-            shown = selected(self.trajectory, pictured(len(self.trajectory.time_s)))
-            film = film_bytes(self.scene, shown, exaggerate, Path(animate).suffix.lower(), tell)
+            film = film_bytes(self.scene, self.trajectory, exaggerate, Path(animate).suffix.lower())
             write_file("animate", animate, film)
 
     @property
     def made_by(self) -> dict[str, Any]:
         """Provenance of the run: version, engine, settings, steps, quality, and the scene as TOML."""
-        true = {"settings": {}, "certain_m": self.certain_m, "by": self.by} if self.by else {}
         return {
             "version": version("crankslider"),
             "engine": self.engine_name,
-            "settings": dict(vars(self.engine)),
+            "settings": {} if self.by else dict(vars(self.engine)),
             "tolerance_m": self.tolerance_m,
             "step_s": self.trajectory.step_s,
             "steps": self.trajectory.steps,
@@ -181,7 +174,7 @@ class Run:
             "quality": self.quality.parts(),
             "warnings": list(self.warnings),
             "scene": self.scene.to_toml(),
-            **true,
+            **({"certain_m": self.certain_m, "by": self.by} if self.by else {}),
         }
 
     def notes(self) -> list[str]:
@@ -200,10 +193,11 @@ class Run:
             lines.append(f"{steps} steps{f' of {method}' if method else ''}, {how_long}")
             if (moved := self.scene.placed.moved) is not None:
                 lines.insert(0, f"start put together: {moved} from what the file tells")
-        if (largest := self.largest_contact_force) is None:
-            return lines
-        after = f", after {self.start_s:g} s" if self.start_s else ""
-        return [*lines, f"the largest contact force is {largest}{after}"]
+        if largest := self.largest_contact_force:
+            where = f"{_newtons(largest.force_N)} at joint {largest.joint} at t = {largest.time_s:.6g} s"
+            after = f", after {self.start_s:g} s" if self.start_s else ""
+            lines.append(f"the largest contact force is {where}{after}")
+        return lines
 
     def __repr__(self) -> str:
         told = "; ".join([*self.notes(), *self.warnings])
@@ -230,15 +224,13 @@ class Sweep:
 class Comparison:
     """A comparison of engines on a scene.
 
-    ``results`` has the rows and their curves, kept in ``folder``. ``run`` is the recommended one with more
-    samples, if there is one. ``given`` is the scene as it is typed in a command.
+    ``results`` has the rows and their curves, kept in ``folder``; ``given`` is the scene as it is typed.
     """
 
     scene: Scene
     results: "Results"
     given: str
     folder: Path
-    run: Run | None = None
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -264,13 +256,8 @@ class Comparison:
         """Write the page, ``index.html``, its figures and tables, and the rows, ``rows.csv``, to a folder."""
         from reports.comparison import write_comparison
 
-        pictures = {}
-        if self.run is not None:
-            pictures["What does the recommended run look like?"] = self.run.plot()
-            for joint in self.scene.clearances:
-                pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
         with writing("folder", Path(folder)):
-            write_comparison(Path(folder), self.results, pictures, self.scene.to_toml(), self.given)
+            write_comparison(Path(folder), self.results, self.scene.to_toml(), self.given)
         write_file("folder", Path(folder, "rows.csv"), self.frame.to_csv(index=False).encode())
 
 
@@ -278,25 +265,15 @@ def require_outputs(scene: Scene, files: Mapping[str, str | Path | None]) -> Non
     """Refuse, before any work, files that cannot be written or have other endings."""
     if files.get("impacts") is not None and not scene.clearances:
         raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has no impacts")
-    for name, place in files.items():
-        if place is not None:
-            require_file(name, Path(place), FILES[name])
-
-
-def require_file(argument: str, path: Path, endings: Sequence[str]) -> None:
-    """Refuse a file that cannot be written or has another ending; .mp4 takes ffmpeg."""
-    if (ending := path.suffix.lower()) == ".mp4":
-        from reports.film import can_write
-
-        endings = [each for each in endings if can_write(each)]
-    if ending not in endings:
-        expected = f"a file that ends in {one_of([each for each in endings if each])}"
-        raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
-    with writing(argument, path):
-        if path.is_dir():
-            raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
-        if path != STDOUT and (path.is_file() or not path.exists()):  # not a device
-            TemporaryFile(dir=os.path.realpath(path.parent)).close()
+    for name, path in ((name, Path(place)) for name, place in files.items() if place is not None):
+        if path.suffix.lower() not in FILES[name]:
+            expected = f"a file that ends in {one_of([each for each in FILES[name] if each])}"
+            raise BadInput(f"{name}: expected {expected}, got {shown(str(path))}")
+        with writing(name, path):
+            if path.is_dir():
+                raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+            if path != STDOUT and (path.is_file() or not path.exists()):  # not a device
+                TemporaryFile(dir=os.path.realpath(path.parent)).close()
 
 
 def encode(frame: "pd.DataFrame", place: str | Path, made_by: Mapping[str, Any]) -> bytes:
