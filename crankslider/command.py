@@ -334,7 +334,7 @@ def report(results: str = "results", out: str = "report", against: str | None = 
     """
     from pandas import DataFrame
 
-    from reports.contents import CHAPTERS
+    from reports.chapters.contents import CHAPTERS
     from reports.page import read_claims, require_replaceable, write_report
 
     place = Path(out)

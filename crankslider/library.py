@@ -263,7 +263,7 @@ def compare(
     """
     from reports.results import read_study
     from studies.compare import LIMIT_S, NAME, TRUTH_LIMIT_S, ask, cases
-    from studies.runner import run_cases
+    from studies.running.runner import run_cases
 
     join_engines(engines)
     physics = read_scene(scene)
@@ -339,8 +339,8 @@ def sweep(
         plot: draw them over the one or two fields that differ to this .png, .svg or .pdf file.
         show: column that the figure shows.
     """
-    from studies.runner import run_cases
-    from studies.store import Store
+    from studies.running.runner import run_cases
+    from studies.running.store import Store
     from studies.sweep import NAME, draw_values, member_cases, member_rows
 
     physics, chosen = read_scene(scene), read_engine(engine, settings or {})
@@ -395,7 +395,7 @@ def run_studies(
         retry_failed: run cases again that neither finished nor were refused.
     """
     from studies.case import STUDIES, load_study
-    from studies.runner import run_cases
+    from studies.running.runner import run_cases
 
     for name in studies:
         if name not in STUDIES:
@@ -439,8 +439,8 @@ def verdicts_on_table(table: str, scene: str) -> "Iterator[Verdict]":
 def _workers(jobs: int | None = None, scheduler: str | None = None) -> Iterator[Any]:
     """Give workers that run cases: processes here, or a cluster; machine code is kept for them."""
     from reference_solver.kept_files import writable_folder
-    from studies.cluster import Cluster
-    from studies.workers import Pool
+    from studies.running.cluster import Cluster
+    from studies.running.workers import Pool
 
     with refusing():
         workers = Cluster(scheduler) if scheduler is not None else Pool(jobs or os.cpu_count() or 1)

@@ -21,11 +21,11 @@ from typing import Any
 
 import pandas as pd
 
-from reports.contents import CHAPTERS
+from reports.chapters.contents import CHAPTERS
 from reports.page import FINDINGS, Report, write_report
 from reports.results import ENDING, FACTS, head_of
 from studies.case import STUDIES
-from studies.store import Store
+from studies.running.store import Store
 
 #: Columns of times, and those that say no more than the file and the row itself.
 TIMES = ("solve_time_s", "engine_time_s")

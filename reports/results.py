@@ -1,4 +1,4 @@
-"""Rows of studies as data frames, those of a results folder (see ``studies.store``) and published ones.
+"""Rows of studies as data frames, of a results folder (see ``studies.running.store``) or published ones.
 
 What is published (see ``reports.publication``) is a compressed CSV file a study, and one file of where they
 come from; it has no curves.
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from engine_models.scene.plain_words import BadInput
 from reports.look import in_legend_order, legend_place
-from studies.store import FILE, Store
+from studies.running.store import FILE, Store
 
 FloatArray = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from studies.case import Case, Row, run_case
 from studies.failures import BadInput, Failed, log, progress_console, writing
 from studies.judges.impact_matching import FORCE_ERROR
 from studies.judges.metrics import is_force
-from studies.workers import Ended, Pool
+from studies.running.workers import Ended, Pool
 
 FOLDER, FILE = Path(__file__).parent, "baselines.csv"
 RUN = ["scene", "engine", "configuration", "setting"]

@@ -79,7 +79,7 @@ COMPLIANT: Series = {
     arms.PLAIN: ((), range(0, 6, 2)),
     arms.REFERENCE_DOP853: ((8, 10, 12), range(6, 14, 2)),
     arms.DOPRI5: ((6, 8, 10), range(4, 12, 2)),
-    arms.TRAPEZOIDAL: ((), range(0, 6, 2)),
+    arms.TRAPEZOIDAL: ((), range(4)),
     arms.AS_THE_SCENE: ((), range(4)),
     arms.SHORTER_IN_CONTACT: ((1, 2), range(4)),
     arms.NATIVE_CONTACT: ((), range(3)),

@@ -40,13 +40,16 @@ def closed(scene: Scene, position: FloatArray, turning: int | None) -> FloatArra
         B, open_by, *_ = numbers.look(0.0, at)
         if turning is not None:  # its row, the last, is from the angle in the first position
             open_by[:, -1] -= begun[:, 3 * turning + 2] - begun[0, 3 * turning + 2]
-        weighted = weights * B @ B.swapaxes(1, 2)
-        if dependent:
-            inverse = np.linalg.pinv(weighted, (DEPENDENT / 10) ** 2, hermitian=True)
-            force = np.einsum("nij,nj->ni", inverse, open_by)
+        if not dependent and B.shape[1] == B.shape[2]:  # one position alone closes all
+            move = np.linalg.solve(B, open_by[:, :, None])
         else:
-            force = np.linalg.solve(weighted, open_by[:, :, None])[:, :, 0]
-        move = weights * np.einsum("nmk,nm->nk", B, force)
+            weighted = weights * B @ B.swapaxes(1, 2)
+            if dependent:
+                force = np.linalg.pinv(weighted, (DEPENDENT / 10) ** 2, hermitian=True) @ open_by[:, :, None]
+            else:
+                force = np.linalg.solve(weighted, open_by[:, :, None])
+            move = weights[:, None] * B.swapaxes(1, 2) @ force
+        move = move[:, :, 0]
         step, turn = np.abs(move).max(axis=1), np.abs(move[:, 2::3]).max(axis=1)
         at = at - move * np.minimum(1.0, TURN_RAD / np.maximum(turn, TURN_RAD))[:, None]
         if not (step > SHORT).any():

@@ -15,7 +15,7 @@ from engine_models.engines import make_engine
 from engine_models.scene.library import IDEAL_SCENES
 from studies.case import code_of
 from studies.conform import states_its_accuracy
-from studies.store import Store
+from studies.running.store import Store
 from tests.helpers.command import crankslider
 
 pytestmark = pytest.mark.system

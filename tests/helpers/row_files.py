@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from studies.store import Store
+from studies.running.store import Store
 
 
 def row(number: int, scene: str, engine: str, arm: str, step_s: float, **columns: Any) -> dict[str, Any]:

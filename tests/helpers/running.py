@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from studies.case import Case, Row
-from studies.runner import run_cases
-from studies.store import FILE, Store
+from studies.running.runner import run_cases
+from studies.running.store import FILE, Store
 from tests.helpers.mischief import NAME
 
 #: ``crankslider`` knowing the study of the tests alone; workers find it by its import path.

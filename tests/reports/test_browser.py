@@ -11,7 +11,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, sync_playwright
 
-from reports.contents import CHAPTERS
+from reports.chapters.contents import CHAPTERS
 from reports.page import write_report
 
 pytestmark = pytest.mark.system

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reports import accuracy_ideal, answer, cost, energy, extremes, predictability, stability
-from reports.contents import CHAPTERS
+from reports.chapters import accuracy_ideal, answer, cost, energy, extremes, predictability, stability
+from reports.chapters.contents import CHAPTERS
 from reports.page import HALF_WIDTH, MOST, Claim
 from reports.results import Results, Studies, frame, read_study
 from studies.case import STUDIES

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from reports.contents import CHAPTERS
+from reports.chapters.contents import CHAPTERS
 from reports.look import quantity
 from reports.page import (
     FINDINGS,
@@ -25,7 +25,7 @@ from reports.page import (
 )
 from reports.results import NoResults, frame, read_study
 from studies.case import STUDIES, load_study
-from studies.store import FILE
+from studies.running.store import FILE
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal
 from tests.helpers.row_files import write_rows

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from reports.contents import CHAPTERS
+from reports.chapters.contents import CHAPTERS
 from reports.page import FINDINGS, write_report
 from reports.publication import FIGURES, README, answer_of, certain, costs_of, tell, write_study
 from reports.results import FACTS, published_rows
 from studies import accuracy
 from studies.case import LIMIT_S, STUDIES, Case, load_study, project_code, run_case
-from studies.store import Store
-from studies.workers import Pool
+from studies.running.store import Store
+from studies.running.workers import Pool
 from tests.helpers.row_files import write_rows
 
 PUBLISHED = Path(__file__).parents[2] / "reports/published"

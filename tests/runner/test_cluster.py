@@ -10,9 +10,9 @@ import pytest
 from distributed import Client, LocalCluster
 
 from engine_models.engines import ENGINES
-from studies import cluster
-from studies.cluster import Cluster
-from studies.workers import Pool
+from studies.running import cluster
+from studies.running.cluster import Cluster
+from studies.running.workers import Pool
 from tests.helpers.command import crankslider
 from tests.helpers.mischief import case, steady
 from tests.helpers.refusals import require_refusal

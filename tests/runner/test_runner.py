@@ -20,9 +20,9 @@ from studies import case as cases_module
 from studies import extremes
 from studies.case import Case, Row, code_of, project_code, run_case
 from studies.failures import Failed
-from studies.runner import Call, lacks
-from studies.store import LOCK, Store
-from studies.workers import KILLED
+from studies.running.runner import Call, lacks
+from studies.running.store import LOCK, Store
+from studies.running.workers import KILLED
 from tests.helpers.mischief import NAME, steady
 from tests.helpers.running import gone, rows_in, run_in, started, until
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from studies.case import Row
-from studies.store import FILE, Store
+from studies.running.store import FILE, Store
 from tests.helpers.command import crankslider
 from tests.helpers.refusals import require_refusal
 

@@ -10,8 +10,8 @@ import pytest
 
 from studies.case import Case, run_case
 from studies.failures import Failed
-from studies.store import Store
-from studies.workers import Ended, Pool
+from studies.running.store import Store
+from studies.running.workers import Ended, Pool
 from tests.helpers.mischief import NAME, case
 from tests.helpers.running import run_in
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from engine_models.scene.library import ideal_driven
-from reports.extremes import FAILED, answers
+from reports.chapters.extremes import FAILED, answers
 from reports.results import frame
 from studies import extremes
 from studies.case import Row, run_case

@@ -13,7 +13,7 @@ import pytest
 
 import crankslider as cs
 from engine_models.scene.scene import Scene
-from studies.store import Store
+from studies.running.store import Store
 from studies.sweep import draw_values
 from tests.helpers.ideal_crank_slider import configuration
 from tests.helpers.running import Here

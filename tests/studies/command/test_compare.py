@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import crankslider as cs
-from studies.store import Store
+from studies.running.store import Store
 from tests.helpers.command import Finished, crankslider
 
 pytestmark = pytest.mark.system

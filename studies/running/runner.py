@@ -9,8 +9,8 @@ from rich.progress import Progress
 
 from studies.case import Case, Curves, Row, code_of, ended, provenance, run_case
 from studies.failures import Failed, progress_console
-from studies.store import Store
-from studies.workers import KILLED, Ended, Pool
+from studies.running.store import Store
+from studies.running.workers import KILLED, Ended, Pool
 
 
 def run_cases(

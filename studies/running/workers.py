@@ -31,7 +31,9 @@ FROM_OUTSIDE = ("SIGTERM", "SIGINT", "SIGKILL", "SIGHUP", "SIGQUIT")
 BEGINNING_S, DYING_S = 600.0, 5.0
 #: What a process begins with: before it imports anything it has our path, so that no file in the current
 #: folder, such as ``array.py``, takes the place of a module of Python's.
-BEGIN = "import sys; sys.path[:] = sys.argv[3:]; from studies.workers import serve; serve(*sys.argv[1:3])"
+BEGIN = (
+    "import sys; sys.path[:] = sys.argv[3:]; from studies.running.workers import serve; serve(*sys.argv[1:3])"
+)
 
 
 class Ended(SimulationFailed):

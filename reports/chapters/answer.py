@@ -7,14 +7,14 @@ from typing import Any
 
 import pandas as pd
 
-from reports.beside import comparison
-from reports.cost import by_target, cost_panel, prepared
-from reports.energy import KEPT, at_middle, energy_parts
+from reports.chapters.beside import comparison
+from reports.chapters.cost import by_target, cost_panel, prepared
+from reports.chapters.energy import KEPT, at_middle, energy_parts
+from reports.chapters.predictability import horizon, horizons
 from reports.equal_error import ALONE, Ratio, candidates, mark, ratio
 from reports.lines import figure_of
 from reports.look import command, span
 from reports.page import MOST, Chapter, Claim, Figure, Part, Table, Text
-from reports.predictability import horizon, horizons
 from reports.results import FORCE, IDEAL, LOOSE, PEAK, RIGID, SLIDER, Studies
 
 #: What a user needs: in words, the class of scenes, and the column of errors that is within its target.

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from reports.energy import UNACCOUNTED, at_middle
+from reports.chapters.energy import UNACCOUNTED, at_middle
 from reports.equal_error import ALONE, reaching
 from reports.look import legend_place, span
 from reports.page import MOST, Claim, Table

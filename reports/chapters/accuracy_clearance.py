@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from reports.accuracy_ideal import nearest
+from reports.chapters.accuracy_ideal import nearest
 from reports.equal_error import from_coarse_to_fine
 from reports.lines import MOST_LINES, Line, Panel, against, figure_of, shown_labels
 from reports.look import axis_label, line_styles, number

@@ -9,7 +9,7 @@ from typing import Any
 
 from studies.case import code_of
 from studies.failures import BadInput, Failed
-from studies.workers import KILLED, Ended, Worker
+from studies.running.workers import KILLED, Ended, Worker
 
 #: How long a scheduler may take to answer, in s.
 CONNECT_S = 5.0

@@ -15,7 +15,7 @@ import numpy as np
 
 from studies.case import Curves, Row
 from studies.failures import BadInput
-from studies.workers import KILLED
+from studies.running.workers import KILLED
 
 #: The file of a results folder, and beside it the one that a run locks.
 FILE, LOCK = "results.sqlite", "results.lock"

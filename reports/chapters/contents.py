@@ -6,5 +6,5 @@ from reports.page import Chapter
 
 NAMES = ("answer", "accuracy_ideal", "accuracy_clearance", "cost", "energy", "predictability")
 CHAPTERS: tuple[Chapter, ...] = tuple(
-    import_module(f"reports.{name}").CHAPTER for name in (*NAMES, "stability", "extremes", "method")
+    import_module(f"reports.chapters.{name}").CHAPTER for name in (*NAMES, "stability", "extremes", "method")
 )

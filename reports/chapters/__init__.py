@@ -1,0 +1,1 @@
+"""Chapters of the page: a file each, which declares ``CHAPTER``."""

@@ -1,0 +1,1 @@
+"""What runs cases, on this machine or a cluster, and the store that keeps their rows."""
