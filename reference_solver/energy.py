@@ -1,4 +1,4 @@
-"""The energy ledger of a run, from its samples alone, and what every run is held to at its end.
+"""A mechanism's own scales, a run's energy ledger from its samples, and what it is held to at its end.
 
 Nothing in a run may be wrong by more than order and step explain.
 """
@@ -11,12 +11,13 @@ import numpy as np
 from reference_solver.equations import Equations
 from reference_solver.failures import DriftAmplified, EnergyNotConserved
 from reference_solver.mechanism import loads
-from reference_solver.mechanism.data import GROUND, Spring
-from reference_solver.mechanism.loads import Damping, Force, Load, Restoring, Torque, distance_m, potential_J
+from reference_solver.mechanism.constraints import Driver, PrescribedMotion
+from reference_solver.mechanism.data import GROUND, Ends, Spring
+from reference_solver.mechanism.loads import Force, Load, Torque, distance_m, potential_J
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.mechanism.scales import Scales, rate_of
+from reference_solver.mechanism.motions import ROW, fastest
 from reference_solver.methods import RK4
-from reference_solver.solution import Solution
+from reference_solver.run import Solution
 from reference_solver.tape import FloatArray
 
 #: The energy that may be in error, of that in play: for each radian turned this many times a step's error,
@@ -28,6 +29,66 @@ MARGIN, ROUND_OFF, WITH_CONTACTS = 500.0, 1e-8, 0.1
 MOVED, LOOKED_AT = 0.03, 100
 #: What a refusal names: a spring this short, of its free length, and a position of this condition.
 NO_LENGTH, FLAT = 1e-2, 1e6
+
+
+@dataclass(frozen=True)
+class Scales:
+    """A length in m and a rate in 1/s. Units of length, time or mass change them and nothing else."""
+
+    length_m: float
+    rate_s: float
+
+
+def scales_of(
+    mechanism: Mechanism, q: FloatArray, v: FloatArray, acceleration: FloatArray, end_time_s: float
+) -> Scales:
+    """Return the scales at a start with q, v and {q''}, each (n,).
+
+    The length is that of the longest lever from a body to a joint, of the largest bearing without one, or
+    what else has a length. The rate is the largest by which bodies turn, move, gather speed, are driven later
+    or swing under gravity or a load's largest force, which are all that there is at an equilibrium, or one
+    over the end time.
+    """
+    bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
+    length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
+    swing = np.sqrt(np.hypot(mechanism.gravity_m_s2, mechanism.gravity_x_m_s2) / length)
+    swing = max([swing, *(_push(load, mechanism, length, end_time_s) for load in mechanism.forces)])
+    drivers = (c for c in mechanism.constraints if isinstance(c, Driver))
+    lengths = ((c, 1.0 if isinstance(c, PrescribedMotion) else length) for c in drivers)
+    driven = max((fastest(c.motion) / size for c, size in lengths), default=0.0)
+    rate = max(rate_of(v, length), np.sqrt(rate_of(acceleration, length)), swing, driven)
+    if not (np.isfinite(rate) and rate > 0):
+        rate = 1.0 / end_time_s if end_time_s > 0 else 1.0
+    return Scales(length, float(rate))
+
+
+def _longest_arm(mechanism: Mechanism) -> float:
+    parts = (*mechanism.constraints, *mechanism.loads, *mechanism.contacts)
+    ends = ((p, s) for p in parts if isinstance(p, Ends) for s in "ij" if getattr(p, f"body_{s}") != GROUND)
+    return max((float(np.hypot(*getattr(part, f"point_{s}"))) for part, s in ends), default=0.0)
+
+
+def _push(load: Force | Torque, mechanism: Mechanism, length: float, end_time_s: float) -> float:
+    """Return the rate in 1/s at which a load's largest force, or torque by the time, moves a body alone."""
+    match load.law:
+        case loads.Constant(size) if isinstance(load, Force):
+            largest = abs(size)
+        case loads.ByTime(table):  # where pieces begin, and at the end, which may be within one
+            largest = max(np.abs(table.rows[1::ROW]).max(), abs(table.at(end_time_s)[0]))
+        case loads.ByAngle(table):
+            largest = np.abs(table.rows[1::ROW]).max()
+        case _:
+            return 0.0
+    if isinstance(load, Torque):
+        return float(np.sqrt(largest / mechanism.bodies[load.body].inertia_kg_m2))
+    masses = [mechanism.bodies[k].mass_kg for k in (load.body_i, load.body_j) if k != GROUND]
+    return float(np.sqrt(largest / min(masses, default=np.inf) / length))
+
+
+def rate_of(change: FloatArray, length_m: float) -> FloatArray:
+    """Return the largest of angles' changes, and of positions' in lengths, of changes (..., n) (...,)."""
+    x, y, angle = np.moveaxis(np.abs(change.reshape(*change.shape[:-1], -1, 3)).max(axis=-2), -1, 0)
+    return np.asarray(np.maximum(np.hypot(x, y) / length_m, angle))
 
 
 def kinetic_J(mechanism: Mechanism, v: FloatArray) -> FloatArray:
@@ -150,8 +211,8 @@ def swing_s(load: Load, mechanism: Mechanism) -> float:
     match load:
         case Spring(stiffness_N_m=stiffness, damping_N_s_m=damping):
             return float(max(np.sqrt(stiffness * mobility), damping * mobility))
-        case Torque(law=Damping(damping)) | Force(law=Damping(damping)):
+        case Torque(law=loads.Damping(damping)) | Force(law=loads.Damping(damping)):
             return float(damping * mobility)
-        case Torque(law=Restoring(stiffness)) | Force(law=Restoring(stiffness)):
+        case Torque(law=loads.Restoring(stiffness)) | Force(law=loads.Restoring(stiffness)):
             return float(np.sqrt(stiffness * mobility))
     return 0.0

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_solver import failures
-from reference_solver.factorisation import Factors
+from reference_solver.factorisation import Factors, eliminated
+from reference_solver.mechanism import contacts
 from reference_solver.mechanism.constraints import System, row_dependence, row_slices, system_of
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT, contact_force, rates_of, separation
 from reference_solver.mechanism.data import GROUND, Spring
@@ -26,7 +27,6 @@ from reference_solver.mechanism.mechanism import Mechanism, light
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method
 from reference_solver.tape import Array, FloatArray, Scalar, array, both, choose, larger, smaller
-from reference_solver.wall_friction import rubbed
 
 #: Phase and memory of every contact, (K, 2); None where all are in flight.
 Phases = Array | None
@@ -40,6 +40,8 @@ INVOLVED = 1e-3
 CLOSED, NEWTON_STEPS, MOST_TRIALS, RESOLVED = 1e-9, 8, 500, 1e-9
 #: Part of the largest mass, and of the largest inertia, from which down a body is light.
 LIGHT = 1e-4
+#: The least part of a normal mobility that friction may leave: below are round-off and forces without bound.
+LEAST_MOBILITY = 1e-9
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ class Equations:
         #: {C} (m,) at t = 0: what the constraint rows ask of [B]{q'}; not zero in drivers' rows alone.
         self.C = self.system(0.0, np.zeros(self.n)).C
         rows = enumerate(joints, self.own_rows)
-        #: The pins that follow with friction.
+        #: The pins that follow with friction: row of [B], number among the contacts, joint and law.
         self.rubbing = [(row, k, joint, law) for row, (k, joint) in rows if (law := joint.friction)]
 
     @property
@@ -183,16 +185,72 @@ class Equations:
         A, lambda_ = factors.solve(F, right)  # (4), then (7) to (10)
         ok, damper = factors.ok, 0.0
         if self.rubbing:
-            rubs = rubbed(self.rubbing, State(q, v), factors, lambda_)
-            change, lambda_, forces, speeds, damper, mobile = rubs
+            change, lambda_, damper, mobile = self._rubbed(State(q, v), factors, lambda_, friction, powers)
             A, ok = A + change, both(ok, mobile)
-            for (_, k, *_), force, speed in zip(self.rubbing, forces, speeds, strict=True):
-                friction[k], powers[f"slide{k}"] = force, -(force * speed)
         for row, k in enumerate(self.following, self.own_rows):
             powers[f"normal{k}"] = -(self.mechanism.contacts[k].radial_clearance_m * lambda_[row])
         powers["drivers"] = lambda_ @ system.C
         condition = choose(ok, larger(factors.condition, self._lightness), math.inf)
         return Answer(A, lambda_, powers, friction, removed, damper, condition)
+
+    def _rubbed(
+        self,
+        state: State,
+        factors: Factors,
+        multipliers: Array,
+        friction: list[Scalar],
+        powers: dict[str, Scalar],
+    ) -> tuple[Array, Array, Scalar, Scalar]:
+        """Return the change of {q''} (n,) by friction of r pins that follow rigid walls; {lambda} with it.
+
+        Also the rate of the damper that friction is, and whether it leaves the pins their mobility. Forces in
+        N on pins along t, and their powers, are put among the others.
+
+        A pin that follows has one row g = (d.d - c^2)/2 of [B], and F_n = -lambda c presses it inwards.
+        Friction is F_t = -mu F_n f(v_t) on the pin along t, with v_t the sliding speed and f one of the
+        friction laws, which are regularised: F_t is a function of the state and of F_n, also at v_t = 0,
+        where a pin creeps rather than sticks. With T the row of sliding speed, which holds the torque arms
+        R_i and R_j = R_i - c of both bodies,
+
+            {q''} = [M]^-1 ({F} + [B]^T {lambda} + [T]^T {tau}),   tau = s lambda of the pin's own row,
+
+        s = mu c f. This changes the matrix of {lambda} by rank r, and makes it unsymmetric. The equations are
+        factored as ever. With {lambda}_0 of no friction, [X] and [Y] the {q''} and multipliers of forces
+        [T]^T alone, [Y]_R those rows of it that belong to the r pins, and [S] = diag(s),
+
+            {lambda} = {lambda}_0 + [Y]{tau},   ([1] - [S][Y]_R) {tau} = [S] {lambda}_0R.
+
+        The pivots of this small matrix are, joint by joint, what friction makes of the joint's mobility along
+        its normal, as a part of the one it has without. They have to be positive: otherwise a wall that
+        pushes harder would bring the pin nearer (Painleve 1895; Genot and Brogliato 1999), and no force fits.
+
+        Friction is a damper of v_t of rate mu F_n f' w at most, w = [T][X] being the mobility along t that
+        the rows leave. Classical RK4 is stable up to h rate = 2.785. The step has to keep below with the
+        law's steepest f', wherever v_t is: a reversal may come within any step, and a step beyond the limit
+        would throw v_t from side to side.
+        """
+        pins, shares = self.rubbing, list[Scalar]()
+        rows = [row for row, *_ in pins]
+        T = array([separation(joint, state).tangent for *_, joint, _ in pins])
+        sliding = T @ state.v
+        for (*_, joint, law), speed in zip(pins, sliding, strict=True):
+            part = contacts.FRICTION_LAWS[law.law](law, speed)
+            shares.append(law.coefficient * joint.radial_clearance_m * part)
+        s = array(shares)
+        X, Y = factors.solve(T.T, np.zeros((len(multipliers), len(T))))
+        small = np.eye(len(rows)) - s[:, None] * Y[rows]
+        tau, pivots = eliminated(small, s * multipliers[rows])
+        lambda_ = multipliers + Y @ tau
+        ok: Scalar = True
+        damper: Scalar = 0.0
+        for i, (row, k, joint, law) in enumerate(pins):
+            ok = both(ok, pivots[i] > LEAST_MOBILITY)
+            # d tau/d v_t of each joint alone: of several the sum is not below the largest rate.
+            pressing = larger(-(joint.radial_clearance_m * lambda_[row]), 0.0)
+            slope = law.coefficient * contacts.steepest(law)
+            damper = damper + slope * pressing * (T[i] @ X[:, i]) / small[i, i]
+            friction[k], powers[f"slide{k}"] = tau[i], -(tau[i] * sliding[i])
+        return X @ tau, lambda_, damper, ok
 
     def _fed_back(
         self, gains: Baumgarte, system: System, v: Array, factors: Factors, right: Array

@@ -39,13 +39,12 @@ from typing import Any
 
 import numpy as np
 
-from reference_solver.equations import Answer, Equations
+from reference_solver.equations import LEAST_MOBILITY, Answer, Equations
 from reference_solver.machine_code import Function, call, entry, inner
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT, FRICTION_LAWS, separation
 from reference_solver.mechanism.points import State
 from reference_solver.run import CLOSING, DENSE, IMPACT, LOG_ROWS, OLD, RECORDS, SPARE, SUPPORT
 from reference_solver.tape import Array, Scalar, array
-from reference_solver.wall_friction import LEAST_MOBILITY
 
 #: Flights that are as high as so many times the distance's round-off take sqrt(2 x 4 x height/a).
 FLIGHT_HEIGHT = 8.0

@@ -8,25 +8,57 @@ functions have one form (see ``machine_code``). A state y has q, q' and sums, ga
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache, cached_property, partial
 from itertools import count
+from typing import Any, TypeVar
 
 import numpy as np
 
 from reference_solver.equations import Answer, Baumgarte, Equations
 from reference_solver.impacts import resolver, walls_at
 from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, parameters_text
-from reference_solver.mechanism.contacts import gap
-from reference_solver.mechanism.lifting import lifted
+from reference_solver.mechanism.contacts import WRITTEN_OUT, gap
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import PiecewiseCubic, PlacedTable
 from reference_solver.mechanism.points import State
 from reference_solver.methods import RK4, Method, step
 from reference_solver.run import CONTACT_RECORD, GAP_FIELDS, Run
 from reference_solver.tape import Array, FloatArray, Node, Scalar, Tape, array, both, choose
+
+T = TypeVar("T")
+
+
+def lifted(
+    data: T,
+    number: Callable[[float], Any],
+    placed: Callable[[PiecewiseCubic], PlacedTable] = PiecewiseCubic.placed,
+    written_out: tuple[float, ...] = (),
+) -> T:
+    """Return dataclasses and tuples with every number replaced, in order; zeros and ``written_out`` stay.
+
+    What equals zero is structure: a point at the centre of mass, a law without damping. Of a table, of which
+    a kernel has no input for each number, those of its place are replaced, as ``placed`` gives it. Fields
+    that do not count where two are compared, such as names, are left as they are.
+    """
+    new: Any = data
+    if isinstance(data, float):
+        new = 0.0 if data == 0 else data if data in written_out else number(data)
+    elif isinstance(data, tuple):
+        new = tuple(lifted(part, number, placed, written_out) for part in data)
+    elif isinstance(data, PiecewiseCubic):
+        new = lifted(placed(data), number)
+    elif is_dataclass(data):
+        new = copy.copy(data)
+        for field in fields(data):
+            if field.compare:
+                kept = field.metadata.get(WRITTEN_OUT, ())
+                value = lifted(getattr(data, field.name), number, placed, kept)
+                object.__setattr__(new, field.name, value)  # the copy of frozen data
+    return new  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True)
@@ -61,15 +93,15 @@ class Topology:
             of_tables[:0] = table.rows
             return placed
 
-        lifted((self.mechanism, self.baumgarte), numbers.append, placed=place)
+        lifted((self.mechanism, self.baumgarte), numbers.append, place)
         return numbers, of_tables
 
     def equations_on(self, tape: Tape) -> Equations:
-        """Return the equations on a tape, with the raw numbers as inputs r0, r1, ..., known before a run."""
+        """Return the equations on a tape, with the raw numbers as inputs that are known before a run."""
         places = count()
 
         def number(_: float) -> Scalar:
-            return tape.input(f"r{next(places)}", known=True)
+            return tape.input("raw", next(places), known=True)
 
         mechanism, baumgarte = lifted((self.mechanism, self.baumgarte), number)
         q_start = np.array([number(0.0) for _ in range(self.n)], dtype=object)
@@ -198,42 +230,20 @@ def program_of(topology: Topology) -> Program:
         names.remove("walls")
     for name in names:
         given = given_on(tape := Tape(), topology)
-        places = places_of(topology, given.equations)
-        texts.append(FunctionText(name, tape, FUNCTIONS[name](given), places, parameters).text)
-    texts.append(parameters_text(parameters, lambda name: ("y", int(name[1:]))))
+        texts.append(FunctionText(name, tape, FUNCTIONS[name](given), parameters).text)
+    texts.append(parameters_text(parameters))
     return Program(HEAD + "".join(texts), (*names, "parameters"), len(parameters))
 
 
 def given_on(tape: Tape, topology: Topology) -> Given:
     """Return a topology's equations and a state on a tape."""
-    n, contacts = topology.n, topology.mechanism.contacts
-    phases = [
-        [0.0 if joint.rigid else tape.input(f"{field} {k}") for field in ("phase", "memory")]
-        for k, joint in enumerate(contacts)
-    ]
-    q, v, lost = tape.inputs("q ", n), tape.inputs("v ", n), tape.inputs("lost ", 2 * n)
-    equations, t, h = topology.equations_on(tape), tape.input("t"), tape.input("h 0")
-    return Given(topology, equations, t, q, v, array(phases), h, lost)
-
-
-def places_of(topology: Topology, equations: Equations) -> Callable[[str], tuple[str, int]]:
-    """Return what tells array and place of an input by its name and number."""
-    n, fields = topology.n, CONTACT_RECORD.names or ()
-    h = place_of_h(n, len(equations.power_names) + 1, len(topology.mechanism.contacts))
-    first = {"q": 0, "v": n, "h": h, "lost": h + 1}
-
-    def place(name: str) -> tuple[str, int]:
-        letters, k = name.split()
-        if letters in first:
-            return "y", first[letters] + int(k)
-        return "contacts", len(fields) * int(k) + fields.index(letters)
-
-    return place
-
-
-def place_of_h(n: int, sums: int, contacts: int) -> int:
-    """Return where a state has a step's length: behind q, q', sums and gaps."""
-    return 2 * n + sums + GAP_FIELDS * contacts
+    n, contacts, fields = topology.n, topology.mechanism.contacts, CONTACT_RECORD.itemsize // 8
+    of_contacts = (tape.inputs("contacts", fields * k, 2) for k in range(len(contacts)))  # the first fields
+    phases = [[0.0, 0.0] if joint.rigid else of for joint, of in zip(contacts, of_contacts, strict=True)]
+    equations = topology.equations_on(tape)
+    h = 2 * n + len(equations.power_names) + 1 + GAP_FIELDS * len(contacts)
+    q, v, lost = tape.inputs("y", 0, n), tape.inputs("y", n, n), tape.inputs("y", h + 1, 2 * n)
+    return Given(topology, equations, tape.input("t"), q, v, array(phases), tape.input("y", h), lost)
 
 
 class Kernel:

@@ -59,20 +59,15 @@ def number(x: float) -> str:
 class FunctionText:
     """The text of a function that stores results of a tape in ``out`` and returns the last of them.
 
-    ``places`` are array and place of every input but t; ``parameters`` gets the places in p of known nodes.
-    Without it these are computed, with no sum and product rounded as one.
+    ``parameters`` gets the places in p of known nodes. Without it these are computed, with no sum and product
+    rounded as one, and y has the raw numbers.
     """
 
     def __init__(
-        self,
-        name: str,
-        tape: Tape,
-        results: list[Scalar],
-        places: Callable[[str], tuple[str, int]],
-        parameters: dict[Node, int] | None,
+        self, name: str, tape: Tape, results: list[Scalar], parameters: dict[Node, int] | None
     ) -> None:
         self._lines, self._reserved, self._block = list[str](), list[str](), "entry"
-        self._places, self._parameters, self._new = places, parameters, count()
+        self._parameters, self._new = parameters, count()
         #: The texts of nodes, and the memory of what calls return.
         self._texts, self._memory = dict[Node, str](), dict[Node, str]()
         self._needed = needed(tape, results)
@@ -118,11 +113,8 @@ class FunctionText:
         if node.known and known is not None:
             return self._load("%p", known.setdefault(node, len(known)))
         if kind == "input":
-            name = operands[0]
-            if name == "t":
-                return "%t"
-            array, place = self._places(name)
-            return self._load(f"%{array}", place)
+            array, place = operands
+            return "%t" if array == "t" else self._load("%y" if node.known else f"%{array}", place)
         if kind == "result":  # of a call: branches have theirs behind them
             call, k = operands
             return self._load(self._memory[call], k)
@@ -177,11 +169,11 @@ class FunctionText:
             self._texts[n] = self._line(f"phi double [ {text}, %{end} ], [ {number(0.0)}, %{before} ]")
 
 
-def parameters_text(parameters: Iterable[Node], places: Callable[[str], tuple[str, int]]) -> str:
-    """Return the text of a function of this name that stores what known nodes are, by their inputs."""
+def parameters_text(parameters: Iterable[Node]) -> str:
+    """Return the text of a function of this name that stores what known nodes are, by raw numbers as y."""
     tape = Tape()
     results = [Value(tape, node) for node in parameters]
-    return FunctionText("parameters", tape, [*results, 1.0], places, None).text
+    return FunctionText("parameters", tape, [*results, 1.0], None).text
 
 
 def needed(tape: Tape, results: Iterable[Scalar]) -> dict[Node, None]:

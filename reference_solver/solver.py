@@ -3,26 +3,24 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from reference_solver import failures
-from reference_solver.energy import FLAT, Guard
-from reference_solver.equations import Answer, Baumgarte, Equations
+from reference_solver.energy import FLAT, Guard, Scales, scales_of
+from reference_solver.equations import Baumgarte, Equations
+from reference_solver.impacts import BLOCKED, PARADOX, SINGULAR, UNSETTLED
+from reference_solver.kernel import Kernel, Topology
 from reference_solver.loop import DONE, FAILED, FULL, SPENT, WALL, loop_of
 from reference_solver.mechanism.contacts import separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
-from reference_solver.mechanism.scales import Scales, scales_of
 from reference_solver.methods import RK4, dop853, dopri5, step
-from reference_solver.run import OLD, START, WEIGHT, ModeChange, Run, new_run
-from reference_solver.solution import Solution, solution_of
+from reference_solver.run import OLD, START, WEIGHT, ModeChange, Run, Solution, new_run, solution_of
 from reference_solver.tape import FloatArray, RecordArray
-
-if TYPE_CHECKING:  # it brings Numba, which takes a moment
-    from reference_solver.kernel import Kernel
 
 #: The paper's own algorithm, Baumgarte's feedback, or a projection of q and q' after every step.
 Stabilisation = Literal["none", "projection"] | Baumgarte
@@ -70,7 +68,7 @@ class ErrorControl:
     The method is "dop853", of order 8, or "dopri5", of order 5, by which the other's runs are tested.
 
     The tolerance is a part of the mechanism's length for positions, of a radian for angles, and of both times
-    the mechanism's own rate for velocities (see ``scales``); it is one of a step, not of the result. Events
+    the mechanism's own rate for velocities (see ``Scales``); it is one of a step, not of the result. Events
     are located. Pins before rigid walls bounce until a flight would be so short that its height is of the
     tolerance; or, where ``lowest_flight`` is given, of so many times the distance's round-off.
     """
@@ -95,8 +93,7 @@ class Solver:
         choice: StepChoice | ErrorControl,
         stabilisation: Stabilisation = "projection",
     ) -> None:
-        self._mechanism, self._choice, self._joints = mechanism, choice, mechanism.contacts
-        self._rigid = any(joint.rigid for joint in self._joints)
+        self._mechanism, self._choice = mechanism, choice
         self._baumgarte = stabilisation if isinstance(stabilisation, Baumgarte) else None
         self._projected, self._q_start = stabilisation == "projection", q_start
         self._equations = Equations(mechanism, q_start, self._baumgarte)
@@ -105,12 +102,10 @@ class Solver:
         self._kernels: dict[tuple[int, ...], Kernel] = {}
         self.steps = self.settled = 0
         self._kernel(())  # compiled or loaded here and not in the run, as the loop
-        parts = bool(self._joints), bool(self._method.estimates), bool(mechanism.knots_by_angle)
-        self._advance = loop_of(*parts)
+        loose, knotted = bool(mechanism.contacts), bool(mechanism.knots_by_angle)
+        self._advance = loop_of(loose, bool(self._method.estimates), knotted)
 
-    def _kernel(self, following: tuple[int, ...]) -> "Kernel":
-        from reference_solver.kernel import Kernel, Topology
-
+    def _kernel(self, following: tuple[int, ...]) -> Kernel:
         if following not in self._kernels:
             topology = Topology(self._mechanism, self._baumgarte, self._projected, following, self._method)
             self._kernels[following] = Kernel(topology, self._q_start)
@@ -120,10 +115,8 @@ class Solver:
         self, q: FloatArray, v: FloatArray, times: FloatArray, end_time_s: float, interval_s: float
     ) -> Run:
         """Return a run: contacts in flight, the motion at t = 0, room for samples at times."""
-        (n, m), kernel = (len(q), len(self._equations.C)), self._kernel(())
-        knots = self._mechanism.knots_by_angle
-        run = new_run(self._method, self._joints, self._names, (n, m), times, knots)
-        kernel.bind(run)
+        n, kernel = len(q), self._kernel(())
+        run = new_run(self._method, self._mechanism, self._names, len(self._equations.C), times)
         run.q[:], run.v[:] = q, v
         kernel.functions["rates"](kernel.p, run.contacts.ctypes.data, 0.0, run.rows[OLD], run.rows[START])
         (state,), choice = run.state, self._choice
@@ -141,7 +134,7 @@ class Solver:
             shortest_s = np.sqrt(8.0 * choice.tolerance) / rate
         else:
             state["per_contact"] = choice.steps_per_contact
-            state["located"] = bool(self._joints) and choice.locate_events
+            state["located"] = bool(self._mechanism.contacts) and choice.locate_events
             shortest_s = SHORTEST_FLIGHT * choice.longest_s
             if not state["located"]:  # all steps have one length, of which the interval is a multiple
                 intervals = max(1, round(end_time_s / interval_s))
@@ -223,8 +216,6 @@ class Solver:
 
     def _refuse_event(self, run: Run) -> None:
         """Say why an event on a rigid wall has no answer, if it has none."""
-        from reference_solver.impacts import BLOCKED, PARADOX, SINGULAR, UNSETTLED
-
         fault, t = int(run.state["fault"][0]), float(run.state["time"][0])
         if fault == SINGULAR:
             self._equations.refuse_singular(t, run.q)
@@ -242,9 +233,6 @@ class Solver:
         equations = Equations(self._mechanism, self._q_start, self._baumgarte, following)
         phases = np.column_stack([run.contacts["phase"], run.contacts["memory"]])
 
-        def answer(t: float, q: FloatArray, v: FloatArray) -> Answer:
-            return equations.required(t, q, v, phases, h, self._method)
-
         def project(t: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, float, bool]:
             *result, ok = equations.project(t, q, v, phases)
             if not ok:
@@ -255,6 +243,7 @@ class Solver:
             if isinstance(self._choice, ErrorControl):
                 equations.required(t, q, v, phases)
                 raise failures.StepsCollapsed(time_s=t, step_s=h)
+            answer = partial(equations.required, phases=phases, h=h, of=self._method)
             after = step(self._method, answer, project if self._projected else None, t, q, v, h)
         if np.isfinite(after.q).all() and np.isfinite(after.v).all():
             sound = after.ok and after.condition < FLAT

@@ -57,13 +57,13 @@ class Tape:
         #: All nodes as they arose: whatever a node needs comes before it.
         self.nodes: list[Node] = []
 
-    def input(self, name: str, known: bool = False) -> Value:
-        """Return a value that the function is given under this name."""
-        return Value(self, self._node("input", (name,), known))
+    def input(self, of: str, place: int = 0, known: bool = False) -> Value:
+        """Return a number that the function is given: the time "t", or the one at a place of an array."""
+        return Value(self, self._node("input", (of, place), known))
 
-    def inputs(self, letter: str, count: int) -> Array:
-        """Return the inputs letter0, letter1, ... as an array."""
-        return array([self.input(f"{letter}{k}") for k in range(count)])
+    def inputs(self, of: str, first: int, count: int) -> Array:
+        """Return so many numbers of an array from the first one on."""
+        return array([self.input(of, first + k) for k in range(count)])
 
     def keep(self, operation: str, *operands: Scalar) -> Value:
         """Return the value of an operation; conditions are no numbers and so no parameters."""

@@ -32,8 +32,7 @@ from studies.settings import speeds_rad_s
 class Length:
     """How long a scene runs: ``intervals`` samples, and the steps between two of them on each rung.
 
-    Its ``name`` is the library's unless one is given. A long run keeps the steps of a short one, of which it
-    may leave out the finest.
+    Its ``name`` is the library's unless one is given.
     """
 
     scene: str
@@ -47,18 +46,16 @@ class Length:
 TURN_S = 60 / 5000
 #: Some 25 to 100 turns without clearance, 2 to 6 with it; and those of them that the quick set has.
 SHORT = (
-    Length("ideal-free", 6.0, 600, (25, 50, 100)),
-    Length("ideal-driven", 100 * TURN_S, 1000, (15, 30, 60)),
-    Length("ideal-fluctuating", 100 * TURN_S, 1000, (15, 30, 60)),
-    Length("ideal-compressor", 1.0, 400, (10, 20, 40)),
-    Length("clearance-start-up", 0.036, 360, (10, 20, 40)),
-    Length("clearance-free-0.5mm", 0.4, 200, (50, 100, 200)),
-    Length("clearance-driven-damped", 6 * TURN_S, 720, (10, 20, 40)),
-    Length("rigid-free-0.5mm", 0.4, 200, (50, 100, 200)),
+    Length("ideal-free", 6.0, 600, (25, 50)),
+    Length("ideal-driven", 100 * TURN_S, 1000, (15, 30)),
+    Length("ideal-fluctuating", 100 * TURN_S, 1000, (15, 30)),
+    Length("ideal-compressor", 1.0, 400, (10, 20)),
+    Length("clearance-start-up", 0.036, 360, (10, 20)),
+    Length("clearance-free-0.5mm", 0.4, 200, (50, 100)),
+    Length("clearance-driven-damped", 6 * TURN_S, 720, (10, 20)),
+    Length("rigid-free-0.5mm", 0.4, 200, (50, 100)),
 )
 QUICK = ("ideal-free", "ideal-driven", "clearance-driven-damped", "rigid-free-0.5mm")
-#: How many of a scene's settings the quick set has.
-QUICK_SETTINGS = (0, 1)
 #: What the full set adds: ten times as many turns.
 LONG = (
     Length("ideal-free", 60.0, 3000, (50, 100), "ideal-free-long"),
@@ -72,7 +69,7 @@ LONG = (
 )
 
 #: Methods that choose their steps have a tolerance on each rung in place of the step.
-TOLERANCES, CLEARANCE_TOLERANCES = (1e-6, 1e-8, 1e-10), (1e-5, 1e-7, 1e-9)
+TOLERANCES, CLEARANCE_TOLERANCES = (1e-6, 1e-8), (1e-5, 1e-7)
 RIGID_ARMS = (
     arms.DOPRI5,  # of an engine without rigid contact one configuration tells that it has none
     arms.LOCATED,
@@ -120,8 +117,8 @@ def cases(full: bool) -> list[Case]:
 def _is_quick(case: Case) -> bool:
     loose = bool(case.scene.clearances)
     left_out = (arms.OUT_OF_THE_BOX, arms.BAUMGARTE, arms.LOCATED_ALONE)
-    slow = loose and case.engine in ("scipy", "pymunk")  # has the middle setting alone, which the tables show
-    return case.arm not in left_out and int(str(case.columns["rung"])) in QUICK_SETTINGS[slow:]
+    slow = loose and case.engine in ("scipy", "pymunk")  # has the finer setting alone, which the tables show
+    return case.arm not in left_out and not (slow and case.columns["rung"] == 0)
 
 
 def _series(length: Length) -> list[Case]:

@@ -10,9 +10,9 @@ from engine_models.mechanics.start import checked_start
 from engine_models.reference.solution import mechanism_of, trajectory_of_solution
 from engine_models.scene.scene import Scene
 from engine_models.watch import MOST_STEPS, Pace, tell, too_slow
+from reference_solver.energy import scales_of
 from reference_solver.equations import Equations
 from reference_solver.failures import FrictionTooStiff, Stalled
-from reference_solver.mechanism.scales import scales_of
 from reference_solver.solver import ErrorControl, Solver, Stabilisation, StepChoice, check_start
 
 #: Steps of contacts, and events on rigid walls, after which their pace is judged: some seconds; and events
@@ -24,7 +24,7 @@ TURN_OF_STEP_RAD = math.pi / 600
 
 
 def rate_s(scene: Scene) -> float:
-    """Return the mechanism's own rate at the start in 1/s (see ``reference_solver.mechanism.scales``).
+    """Return the mechanism's own rate at the start in 1/s (see ``reference_solver.energy``).
 
     Raises:
         SingularConfiguration: there are no accelerations.

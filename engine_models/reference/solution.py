@@ -12,7 +12,7 @@ from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism import mechanism
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solution import Solution
+from reference_solver.run import Solution
 
 
 def mechanism_of(scene: Scene) -> Mechanism:

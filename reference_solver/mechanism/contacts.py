@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Ends, FrictionLaw, Pin
-from reference_solver.mechanism.lifting import WRITTEN_OUT
 from reference_solver.mechanism.loads import Forces, pair
 from reference_solver.mechanism.points import State, ends_of, speed_row
 from reference_solver.tape import Array, Scalar, array, choose, larger, signed, smaller, sqrt, tanh, when
@@ -42,6 +41,8 @@ DAMPING_FACTORS: Mapping[str, Callable[[float], float]] = {
     "hu-guo": lambda e: 3 * (1 - e) / (2 * e),
     "carvalho-martins": lambda e: 3 / 2 * (1 - e) * (11 - e) / (1 + 9 * e),
 }
+#: In the metadata of a field: numbers that machine code is written for, rather than given.
+WRITTEN_OUT = "written out"
 #: As a part of the clearance: round-off of the penetration.
 LEAST_DEPTH = 1e-12
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.

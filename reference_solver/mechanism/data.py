@@ -18,18 +18,13 @@ Interpolation = Literal["spline", "linear"]
 LINEAR_LAWS, HERTZ_EXPONENT = ("linear", "kelvin-voigt"), 1.5
 
 
-def _name() -> Any:
-    """Return the field of a name, by which no two parts differ."""
-    return field(default="", compare=False)
-
-
 @dataclass(frozen=True)
 class Body:
     """A rigid body; its inertia is about the centre of mass."""
 
     mass_kg: float
     inertia_kg_m2: float
-    name: str = _name()
+    name: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
@@ -78,7 +73,7 @@ class Pin(Ends):
     j, and its gap leads from the bearing to the pin, whichever has the bearing.
     """
 
-    name: str = _name()
+    name: str = field(default="", compare=False)
     clearance: ClearanceData | None = None
     bearing_on_j: bool = False
 
@@ -97,7 +92,7 @@ class Line(Ends):
 class Guide(Line):
     """A point of body j stays on a line of body i. Body j turns with body i, unless it ``turns`` freely."""
 
-    name: str = _name()
+    name: str = field(default="", compare=False)
     turns: bool = False
 
 
@@ -111,7 +106,7 @@ class Spring(Ends):
     stiffness_N_m: float
     damping_N_s_m: float
     free_length_m: float
-    name: str = _name()
+    name: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
@@ -126,7 +121,7 @@ class Torsion:
     stiffness_N_m_rad: float
     damping_N_m_s: float
     free_angle_rad: float
-    name: str = _name()
+    name: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)

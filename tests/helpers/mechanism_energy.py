@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from reference_solver.mechanism.data import GROUND, Point, Spring
 from reference_solver.mechanism.loads import Constant, Torque
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solution import Solution
+from reference_solver.run import Solution
 
 FloatArray = NDArray[np.float64]
 

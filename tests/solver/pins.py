@@ -7,7 +7,7 @@ from scipy.special import lambertw
 from reference_solver.mechanism.contacts import ClearanceJoint, ContactLaw, RigidWall
 from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Point
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solution import Solution
+from reference_solver.run import Solution
 from reference_solver.solver import ErrorControl, Solver, StepChoice, check_start
 from reference_solver.tape import FloatArray
 

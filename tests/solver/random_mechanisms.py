@@ -11,7 +11,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from reference_solver.equations import Baumgarte, Equations
-from reference_solver.kernel import FUNCTIONS, Given, Kernel, Topology, place_of_h
+from reference_solver.kernel import FUNCTIONS, Given, Kernel, Topology
 from reference_solver.mechanism.constraints import Constraint, PrescribedSlide
 from reference_solver.mechanism.contacts import CLIPPED, CONTACT, ClearanceJoint, ContactLaw, RigidWall
 from reference_solver.mechanism.data import (
@@ -30,7 +30,7 @@ from reference_solver.mechanism.loads import Force, Law, Torque
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import PiecewiseCubic
 from reference_solver.methods import RK4, dop853
-from reference_solver.run import CONTACT_RECORD
+from reference_solver.run import CONTACT_RECORD, GAP_FIELDS
 
 FloatArray = NDArray[np.float64]
 CONSTRAINTS: tuple[type, ...] = get_args(Constraint)
@@ -170,7 +170,7 @@ def outcomes(recipe: Recipe) -> tuple[dict[str, FloatArray], dict[str, FloatArra
     if not equations.answer(t, q, v, phases).condition < WELL_CONDITIONED:
         return {}, {}
     given, kernel = Given(topology, equations, t, q, v, phases, h, lost), Kernel(topology, q_start)
-    place = place_of_h(n, len(equations.power_names) + 1, len(joints))
+    place = 2 * n + len(equations.power_names) + 1 + GAP_FIELDS * len(joints)
     y = np.zeros(place + 1 + 2 * n)
     y[:n], y[n : 2 * n], y[place], y[place + 1 :] = q, v, h, lost
     compiled, numbers = dict[str, FloatArray](), dict[str, FloatArray]()

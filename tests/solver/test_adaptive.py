@@ -8,7 +8,7 @@ from scipy.special import ellipk
 from reference_solver.mechanism.contacts import ContactLaw, RigidWall
 from reference_solver.mechanism.data import GROUND, Body, FrictionLaw, Pin
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solution import Solution
+from reference_solver.run import Solution
 from reference_solver.solver import ErrorControl, StepChoice
 from tests.helpers.orders import slope
 from tests.solver.pins import CLEARANCE, GRAVITY, INERTIA, MASS, RADIUS, bearing, disc, lambert, run

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from reference_solver.mechanism.contacts import DAMPING_FACTORS, ContactLaw
 from reference_solver.mechanism.data import Body, Spring
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solution import Solution
+from reference_solver.run import Solution
 from reference_solver.solver import ErrorControl, StepChoice
 from tests.helpers.kernels import straight_guide
 from tests.helpers.orders import slope

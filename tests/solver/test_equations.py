@@ -87,7 +87,7 @@ class Written:
     ) -> None:
         mechanism, self.tape, self.states, self.distance = mechanism_of(scene), Tape(), states, distance
         n = 3 * len(mechanism.bodies)
-        q, v = self.tape.inputs("q", n), self.tape.inputs("v", n)
+        q, v = self.tape.inputs("y", 0, n), self.tape.inputs("y", n, n)
         answer = Equations(mechanism, np.zeros(n)).answer(0.0, q, v, phases)
         self.results = [*answer.accelerations, *answer.multipliers, *(answer.powers[name] for name in powers)]
         waiting, needed = [x.node for x in self.results if isinstance(x, Value)], dict[Node, None]()
@@ -104,8 +104,7 @@ class Written:
         found: dict[Node, float] = {}
         for node in self.tape.nodes:
             if node.operation == "input":
-                kind, place = node.operands[0][0], int(node.operands[0][1:])
-                found[node] = float(state[place + (len(state) // 2) * (kind == "v")])
+                found[node] = float(state[node.operands[1]])
             elif node.operation == "branch":
                 found[node] = bool(number(node.operands[0], found))
             elif node.operation == "result":

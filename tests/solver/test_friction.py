@@ -9,7 +9,7 @@ from reference_solver.failures import PainleveParadox
 from reference_solver.mechanism.contacts import ClearanceJoint, RigidWall
 from reference_solver.mechanism.data import Body, FrictionLaw
 from reference_solver.mechanism.mechanism import Mechanism
-from reference_solver.solution import Solution
+from reference_solver.run import Solution
 from tests.helpers.mechanism_energy import energy_residual_J
 from tests.helpers.orders import slope
 from tests.solver.pins import GRAVITY, MASS, bearing, disc, joint_force_N, run

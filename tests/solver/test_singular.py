@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from reference_solver.energy import Guard, ledger_J
+from reference_solver.energy import Guard, Scales, ledger_J
 from reference_solver.failures import EnergyNotConserved, LimitPosition
 from reference_solver.mechanism.constraints import PrescribedMotion
 from reference_solver.mechanism.data import GROUND, Body, ConstantSpeed, Pin
 from reference_solver.mechanism.mechanism import Mechanism, light
-from reference_solver.mechanism.scales import Scales
 from reference_solver.solver import ErrorControl, StepChoice
 from tests.helpers.kernels import CASES, straight_guide
 from tests.helpers.mechanism_energy import energy_residual_J

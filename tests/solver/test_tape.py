@@ -56,9 +56,9 @@ NAMES = ("a", "b", "c")
 def written(function: Callable[..., list[Any]], known: tuple[str, ...] = ()) -> tuple[str, dict[Node, int]]:
     """Return the text of a function of a, b and c, of which some are known before a run, and p's nodes."""
     tape, parameters = Tape(), dict[Node, int]()
-    results = function(*(tape.input(name, name in known) for name in NAMES))
-    places = {name: ("y", k) for k, name in enumerate(NAMES)}
-    text = FunctionText("of", tape, [*results, 1.0], places.__getitem__, parameters).text
+    inputs = (("raw" if name in known else "y", k, name in known) for k, name in enumerate(NAMES))
+    results = function(*(tape.input(*of) for of in inputs))
+    text = FunctionText("of", tape, [*results, 1.0], parameters).text
     return text, parameters
 
 
@@ -68,7 +68,7 @@ def run(
     """Return what machine code of such a function makes of a, b and c."""
     text, parameters = written(function, known)
     p, y, out = np.zeros(len(parameters)), np.array(values, dtype=float), np.zeros(text.count("store double"))
-    text += parameters_text(parameters, lambda name: ("y", NAMES.index(name)))
+    text += parameters_text(parameters)
     functions = compile_text(HEAD + text, ["of", "parameters"])
     functions["parameters"](0, 0, 0.0, y, p)
     assert functions["of"](p.ctypes.data, 0, 0.0, y, out) == 1.0
@@ -148,11 +148,11 @@ def test_a_table_is_looked_up_as_in_numbers(period: float) -> None:
     rows = tuple(x for k in range(5) for x in (0.4 * k - 0.3, 1.0 + k, 0.5, -0.2 * k, 0.1))
     table = PiecewiseCubic(rows, period)
     tape = Tape()
-    results = [*replace(table.placed(), place=tape.input("place", known=True)).at(tape.input("x")), 1.0]
+    place = tape.input("raw", known=True)
+    results = [*replace(table.placed(), place=place).at(tape.input("y")), 1.0]
     parameters: dict[Node, int] = {}
-    text = FunctionText("of", tape, results, lambda _: ("y", 0), parameters).text
-    (node,) = parameters
-    assert node.operands == ("place",)
+    text = FunctionText("of", tape, results, parameters).text
+    assert [*parameters] == [place.node]
     p = np.array([*rows, table.placed().place])
     of, out = compile_text(HEAD + text, ["of"])["of"], np.zeros(3)
     for x in (-7.3, -0.3, -0.25, 0.1, 0.5, 1.3, 1.69, 1.7, 9.9):
