@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from engine_models.engine import Contact, FloatArray, Impacts, UnsupportedScene
 from engine_models.exudyn.motion import Motion, integral
 from engine_models.mechanics.energy import elastic_energy_J
+from engine_models.mechanics.forces import contact_states
 from engine_models.mechanics.impacts import along_steps, largest
 from engine_models.mechanics.states import pin_gap
 from engine_models.mechanics.trajectory import ContactStates
-from engine_models.minimal.forces import Forces
 from engine_models.scene.format import Clearance
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contacts import damping_factor_of, minimum_impact_speed_of
@@ -74,9 +74,7 @@ def _native(name: str, clearance: Clearance) -> Clearance:
     return clearance.model_copy(update=changed)
 
 
-def contact_record(
-    forces: Forces, motion: Motion, pin: Pin, clearance: Clearance, time_s: FloatArray
-) -> Contact:
+def contact_record(motion: Motion, pin: Pin, clearance: Clearance, time_s: FloatArray) -> Contact:
     """Return all that a contact did, at the samples' times (n,).
 
     Impulse and losses are Gauss's quadrature, of order 6, over the parts into which steps, samples, touches
@@ -84,8 +82,7 @@ def contact_record(
     """
 
     def states(at: FloatArray) -> ContactStates:
-        acting = forces.act(at, *motion.at(at)[:2], approach_m_s=motion.approach_m_s(at))
-        return acting.contacts[pin.name]
+        return contact_states(pin, *motion.at(at)[:2], motion.approach_m_s(pin.name, at))
 
     def powers(at: FloatArray) -> FloatArray:
         of = states(at)

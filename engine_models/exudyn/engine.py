@@ -21,8 +21,8 @@ from engine_models.engine import (
 )
 from engine_models.exudyn.contact import native_twin
 from engine_models.exudyn.tree import why_no_tree
+from engine_models.mechanics.forces import integrals_of, require_family
 from engine_models.mechanics.start import unwound
-from engine_models.minimal.forces import Forces, require_family
 from engine_models.scene.scene import Scene
 from engine_models.watch import require_followed, require_memory
 
@@ -125,7 +125,7 @@ class ExudynEngine(Engine):
         threes = max(1, math.ceil(len(scene.mechanism.bodies) / 3))
         if self.steps_as_they_come(scene):
             return steps, threes * BYTES_PER_STEP_WITH_CONTACT
-        return bool(Forces(scene).integrated) * steps, threes * BYTES_PER_STEP
+        return bool(integrals_of(scene)) * steps, threes * BYTES_PER_STEP
 
 
 def _runs() -> Any:

@@ -20,15 +20,35 @@ from exudyn import itemInterface
 
 from engine_models.engine import FloatArray
 from engine_models.exudyn.contact import native_law
-from engine_models.exudyn.motion import generalised, link_rows
+from engine_models.exudyn.motion import link_rows
 from engine_models.exudyn.tree import Branch, branches_of, turned, way_of
 from engine_models.mechanics.start import checked_start
 from engine_models.mechanics.states import pin_gap
-from engine_models.minimal import equations as eq
-from engine_models.minimal.forces import Forces
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.contacts import exponent_of, minimum_impact_speed_of, stiffness_of
-from reference_solver.mechanism.data import GROUND, ConstantSpeed, Course, Guide, Pin, Point
+from reference_solver.mechanism.data import (
+    GROUND,
+    ConstantSpeed,
+    Course,
+    Ends,
+    Guide,
+    Motion,
+    Pin,
+    Point,
+    Spring,
+)
+from reference_solver.mechanism.loads import (
+    ByAngle,
+    Constant,
+    Damping,
+    Force,
+    Law,
+    Motor,
+    Restoring,
+    Torque,
+)
+from reference_solver.mechanism.mechanism import loads_of
+from reference_solver.mechanism.motions import going_on, moved
 
 items: Any = itemInterface  # its constructors carry no types
 #: With this inertia in kg m^2, or this mass in kg, what is driven is changed in its speed by no mechanism's
@@ -46,7 +66,7 @@ class Model:
 
     def __init__(self, scene: Scene, tree: bool) -> None:
         self._container, (position, velocity) = exu.SystemContainer(), checked_start(scene)
-        self.mbs, self.of, self.forces = self._container.AddSystem(), scene.mechanism, Forces(scene)
+        self.mbs, self.of = self._container.AddSystem(), scene.mechanism
         self.branches, self._places = branches_of(self.of, tree, np.stack([position, velocity]))
         self.start = np.concatenate([branch.start for branch in self.branches])
         self._ground = self.mbs.AddObject(items.ObjectGround())
@@ -72,7 +92,7 @@ class Model:
         for guide in self.of.guides:
             if guide.name not in links:
                 self._constrain(guide, position)
-        self._add_loads(scene, position)
+        self._add_loads(position)
         if driven is not None:
             self._add_drive(tree, *driven)
         self.mbs.Assemble()
@@ -148,7 +168,7 @@ class Model:
         carrier = self._ground if body == GROUND else self._carriers[branch]
         return self.mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=carrier, localPosition=place))
 
-    def _markers(self, between: Pin | Guide) -> list[Any]:
+    def _markers(self, between: Ends) -> list[Any]:
         """Add markers at the point of body j and at that of body i."""
         return [self._marker(between.body_j, between.point_j), self._marker(between.body_i, between.point_i)]
 
@@ -212,51 +232,69 @@ class Model:
         self.mbs.AddObject(contact)
         return history
 
-    def _add_loads(self, scene: Scene, position: FloatArray) -> None:
+    def _add_loads(self, position: FloatArray) -> None:
         """Add all parts of loads, springs and the torque of a drive that prescribes no motion."""
-        rest = Forces(scene)  # what is left for a function of Python
-        rest.block(eq.SCALARS)[0, [eq.GX, eq.GY]] = 0.0
         lines = {self.of.bodies[load.body].name: load.line for load in self.of.loads}
-        touched = set[int]()
-        for name, row in zip(rest.parts, rest.block(eq.PARTS), strict=True):
-            constant, damper, stiffness, free = row[eq.CONSTANT : eq.FREE + 1].tolist()
-            i, j, line = int(row[1]), int(row[4]), lines.get(name.partition(".")[0])
-            coordinate = way_of(self.branches, line) if isinstance(line, Guide) else None
-            if max(row[eq.BY_ANGLE : eq.BY_RATE + 1]) >= 0.0 or (row[0] == eq.LINE and coordinate is None):
-                touched |= {i, j, int(row[eq.OF_BODY])}
-                continue
-            row[eq.CONSTANT : eq.FREE + 1] = 0.0
-            if row[0] == eq.TURN:
-                if constant:
-                    torque = [0.0, 0.0, constant]
-                    self.mbs.AddLoad(items.LoadTorqueVector(markerNumber=self._marker(j), loadVector=torque))
-                spring = {"markerNumbers": [self._marker(i), self._marker(j)], "damping": damper}
-                if stiffness:
-                    spring |= self._twisted(i, j, position) | {"stiffness": stiffness}
-                    spring["offset"] += free
-                item = items.ObjectConnectorTorsionalSpringDamper(**spring)
-            elif coordinate is not None:
-                branch, node, link = self.branches[coordinate[0]], self._nodes[coordinate[0]], coordinate[1]
-                sign = -1.0 if branch.links[link].body == i else 1.0
-                at, free = self._coordinate(node, link), sign * free - branch.start[link]
-                if constant:
-                    self.mbs.AddLoad(items.LoadCoordinate(markerNumber=at, load=sign * constant))
-                spring = {"stiffness": stiffness, "damping": damper, "offset": free}
-                sides = [self._still(), at]
-                item = items.ObjectConnectorCoordinateSpringDamper(markerNumbers=sides, **spring)
+        called = dict[str, Force | Torque]()
+        for name, load in loads_of(self.of).items():
+            line = lines.get(name.partition(".")[0])
+            if isinstance(load, Spring):
+                self._add_spring(load)
+            elif (numbers := _numbers(load.law)) is None:
+                called[name] = load
+            elif isinstance(load, Torque):
+                self._add_torque(load, position, *numbers)
+            elif isinstance(line, Guide) and (coordinate := way_of(self.branches, line)):
+                self._add_force(load, *coordinate, *numbers)
             else:
-                sides = [self._marker(i, tuple(row[2:4])), self._marker(j, tuple(row[5:7]))]
-                spring = {"referenceLength": free, "stiffness": stiffness, "damping": damper}
-                item = items.ObjectConnectorSpringDamper(markerNumbers=sides, **spring)
-                if not (free or damper):  # it has a force at length 0 too
-                    spring = {"stiffness": [stiffness, stiffness, 0.0]}
-                    item = items.ObjectConnectorCartesianSpringDamper(markerNumbers=sides, **spring)
-            if stiffness or damper:
-                self.mbs.AddObject(item)
-        if touched:
-            self._add_function(rest.p, touched, position)
+                called[name] = load
+        if called:
+            self._add_function(called, position)
 
-    def _twisted(self, i: int, j: int, position: FloatArray) -> dict[str, Any]:
+    def _add_spring(self, spring: Spring) -> None:
+        """Add a spring; one without free length and damper has a force at length 0 too."""
+        sides, length, damping = self._markers(spring)[::-1], spring.free_length_m, spring.damping_N_s_m
+        stiffness = spring.stiffness_N_m
+        if length or damping:
+            of = {"referenceLength": length, "stiffness": stiffness, "damping": damping}
+            item = items.ObjectConnectorSpringDamper(markerNumbers=sides, **of)
+        else:
+            along = [stiffness, stiffness, 0.0]
+            item = items.ObjectConnectorCartesianSpringDamper(markerNumbers=sides, stiffness=along)
+        self.mbs.AddObject(item)
+
+    def _add_torque(
+        self, of: Torque, position: FloatArray, constant: float, damper: float, stiffness: float, free: float
+    ) -> None:
+        if constant:
+            torque = [0.0, 0.0, constant]
+            load = items.LoadTorqueVector(markerNumber=self._marker(of.body), loadVector=torque)
+            self.mbs.AddLoad(load)
+        if stiffness or damper:
+            sides = [self._marker(of.against), self._marker(of.body)]
+            spring: dict[str, Any] = {"stiffness": stiffness, "damping": damper}
+            if stiffness:
+                node, offset = self._twisted(of.against, of.body, position)
+                spring |= {"nodeNumber": node, "offset": offset + free}
+            item = items.ObjectConnectorTorsionalSpringDamper(markerNumbers=sides, **spring)
+            self.mbs.AddObject(item)
+
+    def _add_force(
+        self, of: Force, branch: int, link: int, constant: float, damper: float, stiffness: float, free: float
+    ) -> None:
+        """Add a force along the coordinate of a link."""
+        sign = -1.0 if self.branches[branch].links[link].body == of.body_i else 1.0
+        at = self._coordinate(self._nodes[branch], link)
+        if constant:
+            self.mbs.AddLoad(items.LoadCoordinate(markerNumber=at, load=sign * constant))
+        if stiffness or damper:
+            offset = sign * free - self.branches[branch].start[link]
+            of_spring = {"stiffness": stiffness, "damping": damper, "offset": offset}
+            sides = [self._still(), at]
+            item = items.ObjectConnectorCoordinateSpringDamper(markerNumbers=sides, **of_spring)
+            self.mbs.AddObject(item)
+
+    def _twisted(self, i: int, j: int, position: FloatArray) -> tuple[Any, float]:
         """Return the node that counts turns of body j against body i, and what their frames are turned by."""
         bodies = [(sign, body) for sign, body in ((1.0, j), (-1.0, i)) if body != GROUND]
         links = [
@@ -265,16 +303,22 @@ class Model:
         offset = -sum(sign * link.turned_rad for sign, _, link in links)
         begin = [offset + sum(sign * float(position[body, 2]) for sign, body, _ in links)]
         node = items.NodeGenericData(initialCoordinates=begin, numberOfDataCoordinates=1)
-        return {"nodeNumber": self.mbs.AddNode(node), "offset": offset}
+        return self.mbs.AddNode(node), offset
 
-    def _add_function(self, p: FloatArray, bodies: set[int], position: FloatArray) -> None:
-        """Add the loads in p on bodies as a function of Python.
+    def _add_function(self, loads: dict[str, Force | Torque], position: FloatArray) -> None:
+        """Add loads as a function of Python.
 
         No node that is not needed: implicit solvers difference these forces by every coordinate.
         """
-        used = sorted({self._places[body][0] for body in bodies if body != GROUND})
-        links = link_rows([self.branches[branch] for branch in used])
-        start = np.concatenate([self.branches[branch].start for branch in used])
+        from engine_models.exudyn.called import generalised, numbers_of  # which imports Numba
+
+        p, used = numbers_of(self.of, loads), set[int]()
+        for load in loads.values():
+            bodies = {load.body, load.against} if isinstance(load, Torque) else {load.body_i, load.body_j}
+            bodies |= {load.law.crank} if isinstance(load.law, ByAngle) else set()
+            used |= {self._places[body][0] for body in bodies - {GROUND}}
+        links = link_rows([self.branches[branch] for branch in sorted(used)])
+        start = np.concatenate([self.branches[branch].start for branch in sorted(used)])
         at, out = np.zeros((3, position.size)), np.empty(len(start))
         at[0] = position.ravel()
 
@@ -283,9 +327,9 @@ class Model:
             return out
 
         force(self.mbs, 0.0, 0, 0.0 * start, 0.0 * start)  # compiled before the run
-        nodes, mass = [self._nodes[branch] for branch in used], np.zeros((len(start), len(start)))
-        loads = items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=mass, forceUserFunction=force)
-        self.mbs.AddObject(loads)
+        nodes, mass = [self._nodes[branch] for branch in sorted(used)], np.zeros((len(start), len(start)))
+        item = items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=mass, forceUserFunction=force)
+        self.mbs.AddObject(item)
 
     def _add_drive(self, tree: bool, branch: int, link: int) -> None:
         """Add what prescribes a speed: a constraint of the absolute model, in a tree a flywheel's torque.
@@ -297,15 +341,17 @@ class Model:
         It would also keep an error of order one from every kink in the acceleration, and a table has one at
         every entry: there the mass has all of the speed, by a force of time.
         """
-        drive, mbs, motion = self.of.drive, self.mbs, self.forces.motion
+        drive, mbs = self.of.drive, self.mbs
+        assert isinstance(drive.law, Motion)
+        motion = going_on(drive.law, drive.clock_s)
         driven, by_table = self._coordinate(self._nodes[branch], link), isinstance(drive.law, Course)
-        _, speed, acceleration = motion(np.zeros(1))[:, 0].tolist()
+        _, speed, acceleration = map(float, moved(motion, 0.0))
 
         def push(_: exu.MainSystem, t: float, __: float) -> float:
-            return HEAVY * float(motion(np.array([t]))[2, 0])
+            return HEAVY * float(moved(motion, t)[2])
 
         def rest(_: exu.MainSystem, t: float, *__: Any) -> float:
-            return float(motion(np.array([t]))[1, 0] - acceleration * t)
+            return float(moved(motion, t)[1]) - acceleration * t
 
         if tree:
             if drive.guide is not None:  # else the flywheel is in the link's inertia; this one has no weight
@@ -316,7 +362,7 @@ class Model:
                 mbs.AddLoad(items.LoadCoordinate(markerNumber=driven, load=0.0, loadUserFunction=push))
             return
         if isinstance(drive.law, ConstantSpeed):
-            other, beside = self._still(), {"offset": speed}
+            other, beside = self._still(), dict[str, Any](offset=speed)
         else:
             node = mbs.AddNode(items.Node1D(initialVelocities=[speed if by_table else 0.0]))
             mbs.AddObject(items.ObjectMass1D(mass=HEAVY, nodeNumber=node))
@@ -332,3 +378,17 @@ def _matrix(angle_rad: float) -> FloatArray:
     """Return the rotation about z by an angle, (3, 3)."""
     x, y = turned(angle_rad, (1.0, 0.0)), turned(angle_rad, (0.0, 1.0))
     return np.array([[x[0], y[0], 0.0], [x[1], y[1], 0.0], [0.0, 0.0, 1.0]])
+
+
+def _numbers(law: Law) -> tuple[float, float, float, float] | None:
+    """Return constant, damping, stiffness and free place of a law of these, None of any other."""
+    match law:
+        case Constant(size):
+            return size, 0.0, 0.0, 0.0
+        case Damping(damping):
+            return 0.0, damping, 0.0, 0.0
+        case Restoring(stiffness, free):
+            return 0.0, 0.0, stiffness, free
+        case Motor(stall, speed):
+            return stall, stall / speed, 0.0, 0.0
+    return None

@@ -5,17 +5,15 @@ r = s u, r' = s' u + w z x r, r'' = s'' u + 2 w s' z x u + w' z x r - w^2 r. For
 their power F v at its unit rate.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray
 from engine_models.exudyn.tree import AXES, Branch
-from engine_models.minimal import equations as eq
-from reference_solver.machine_code import compiled
 
 #: Columns of a link; its body is -1 without one.
 PARENT, AXIS, X, Y, ANGLE, BODY, CENTRE_X, CENTRE_Y, TURNED = range(9)
@@ -28,8 +26,6 @@ WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18
 #: So many parts of an integral's grid are evaluated at a time, which bounds the memory that it takes.
 AT_ONCE = 10_000
 
-#: Kinds of arrays.
-ONE, MANY = "f8[::1]", "f8[:, ::1]"
 #: Columns of a contact's history.
 GAP, SLIDING_SPEED, APPROACH_SPEED = range(3)
 
@@ -47,10 +43,9 @@ def link_rows(branches: Sequence[Branch]) -> FloatArray:
     return np.array(rows)
 
 
-@eq.jit
-def carry(f: FloatArray, x: float, y: float, rate_x: float, rate_y: float, ax: float, ay: float) -> None:
-    """Move a frame to a place in itself, which moves there."""
-    c, s, w = math.cos(f[2]), math.sin(f[2]), f[5]
+def carry(f: FloatArray, x: Any, y: Any, rate_x: Any, rate_y: Any, ax: Any, ay: Any) -> None:
+    """Move a frame (9,), or (9, n), to a place in itself, which moves there."""
+    c, s, w = np.cos(f[2]), np.sin(f[2]), f[5]
     rx, ry = c * x - s * y, s * x + c * y
     vx, vy = c * rate_x - s * rate_y, s * rate_x + c * rate_y
     f[0] += rx
@@ -61,11 +56,13 @@ def carry(f: FloatArray, x: float, y: float, rate_x: float, rate_y: float, ax: f
     f[7] += s * ax + c * ay + 2.0 * w * vx + f[8] * rx - w * w * ry
 
 
-@eq.jit
 def place_bodies(
     links: FloatArray, s: FloatArray, r: FloatArray, u: FloatArray, frames: FloatArray, out: FloatArray
 ) -> None:
-    """Fill the links' frames (links, 9) and the bodies' states (3, 3b) from coordinates and derivatives."""
+    """Fill the links' frames (links, 9) and the bodies' states (3, 3b) from coordinates and derivatives.
+
+    Those of n times, (links, n), fill (links, 9, n) and (3, 3b, n).
+    """
     for k in range(len(links)):
         e, f = links[k], frames[k]
         for i in range(9):
@@ -87,28 +84,14 @@ def place_bodies(
                     out[i, b + j] = centre[3 * i + j]
 
 
-@compiled(f"({MANY}, {MANY}, {MANY}, {MANY}, f8[:, :, ::1])", error_model="numpy")
-def states(links: FloatArray, s: FloatArray, r: FloatArray, u: FloatArray, out: FloatArray) -> None:
-    """Fill the bodies' positions, velocities and accelerations (n, 3, 3b) from links' (n, links) each."""
-    frames = np.empty((len(links), 9))
-    for n in range(len(s)):
-        place_bodies(links, s[n], r[n], u[n], frames, out[n])
-
-
-@compiled(f"({ONE}, {MANY}, f8, {ONE}, {ONE}, {MANY}, {ONE})", error_model="numpy")
-def generalised(
-    p: FloatArray, links: FloatArray, t: float, s: FloatArray, r: FloatArray, at: FloatArray, out: FloatArray
-) -> None:
-    """Fill what the loads of p put on every link, out (links,); ``at`` (3, 3b) has bodies without a link."""
-    frames, unit, still = np.empty((len(links), 9)), np.zeros(len(links)), np.zeros(len(links))
-    F, moved, told, powers = np.zeros(at.shape[1]), np.zeros(at.shape), np.empty(p.size), np.empty(p.size)
-    place_bodies(links, s, r, still, frames, at)
-    eq.forces(p, t, at[0], at[1], F, told, powers)
-    for k in range(len(links)):
-        unit[k] = 1.0
-        place_bodies(links, s, unit, still, frames, moved)
-        out[k] = np.sum(F * moved[1])
-        unit[k] = 0.0
+def bodies_at(
+    links: FloatArray, bodies: int, s: FloatArray, r: FloatArray, u: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return positions, velocities and accelerations of bodies, (n, bodies, 3), from links' (links, n)."""
+    out = np.zeros((3, 3 * bodies, s.shape[1]))
+    place_bodies(links, s, r, u, np.empty((len(links), 9, s.shape[1])), out)
+    position, velocity, acceleration = (each.T.reshape(-1, bodies, 3) for each in out)
+    return position, velocity, acceleration
 
 
 @dataclass(frozen=True)
@@ -159,15 +142,12 @@ class Motion:
         short = h < SHORTEST_FOR_DIFFERENCES_S
         v = np.where(short, v0 + s * (v1 - v0), v)
         a = np.where(short | self.implicit, a0 + s * (a1 - a0), a)
-        out = np.zeros((len(time_s), 3, 3 * self.bodies))
-        states(self.links, q, v, a, out)
-        position, velocity, acceleration = out.reshape(len(out), 3, self.bodies, 3).swapaxes(0, 1)
-        return position, velocity, acceleration
+        return bodies_at(self.links, self.bodies, q.T, v.T, a.T)
 
-    def approach_m_s(self, time_s: FloatArray) -> dict[str, FloatArray]:
-        """Return the speeds of the latest touches at times (n,), stored as the step ends that touches."""
+    def approach_m_s(self, joint: str, time_s: FloatArray) -> FloatArray:
+        """Return the speeds of a joint's latest touches at times (n,), stored as the step ends."""
         end = np.clip(np.searchsorted(self.time_s, time_s, "left"), 0, len(self.time_s) - 1)
-        return {joint: history[end, APPROACH_SPEED] for joint, history in self.histories.items()}
+        return np.asarray(self.histories[joint][end, APPROACH_SPEED])
 
 
 def integral(grid: FloatArray, integrands: Callable[[FloatArray], FloatArray]) -> FloatArray:
@@ -179,3 +159,8 @@ def integral(grid: FloatArray, integrands: Callable[[FloatArray], FloatArray]) -
         values = integrands((part[:-1, None] + width[:, None] * POINTS).ravel())
         pieces.append(values.reshape(len(values), -1, len(POINTS)) @ WEIGHTS * width)
     return np.pad(np.cumsum(np.concatenate(pieces, axis=1), axis=1), ((0, 0), (1, 0)))
+
+
+def trapezoids(grid: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the same by the trapezoidal rule, from values (m, g) at the grid's times."""
+    return np.pad(np.cumsum(np.diff(grid) * (values[:, 1:] + values[:, :-1]) / 2, axis=1), ((0, 0), (1, 0)))

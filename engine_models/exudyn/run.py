@@ -1,19 +1,24 @@
 """Exudyn's runs as trajectories: forces, works and contacts follow from the motion that it recorded."""
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from engine_models.engine import BareRun, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.exudyn.contact import contact_record
 from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
 from engine_models.exudyn.model import Model
-from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, integral, link_rows, states
+from engine_models.exudyn.motion import GAP, SLIDING_SPEED, Motion, bodies_at, integral, link_rows, trapezoids
 from engine_models.exudyn.solver import silence, simulation_settings, solve
-from engine_models.mechanics.forces import works_J
+from engine_models.mechanics.forces import (
+    contact_states,
+    driven_speeds,
+    integrals_of,
+    powers_W,
+    reactions,
+    works_J,
+)
 from engine_models.mechanics.trajectory import Reactions
-from engine_models.minimal import equations as eq
-from engine_models.minimal.forces import Forces
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.data import MechanismData
 
 #: The end of a run is off by no more than this part of it.
 ROUND_OFF = 1e-9
@@ -27,11 +32,9 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
     Raises:
         SimulationFailed: Exudyn gave up, stopped short or ran out of time.
     """
-    tree, of = engine.solver_of(scene) not in IMPLICIT, scene.mechanism
-    forces = Forces(engine.twin(scene))
-    forces.contacts[:, eq.DRAGS : eq.MU] = 1.0  # friction drives where a contact pulls
-    as_they_come = engine.steps_as_they_come(scene)
-    every = 1 if as_they_come or forces.integrated else run.steps_per_sample(scene.end_time_s)
+    tree, of = engine.solver_of(scene) not in IMPLICIT, engine.twin(scene).mechanism
+    as_they_come, integrals = engine.steps_as_they_come(scene), integrals_of(scene).values()
+    every = 1 if as_they_come or integrals else run.steps_per_sample(scene.end_time_s)
     with silence(), np.errstate(all="ignore"):  # require_finite is the judge
         model, solve_time_s = _solved(engine, scene, run, every)
         motion = _recorded(scene, model, tree)
@@ -40,22 +43,22 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
         grid = np.union1d(motion.time_s, sampled_s)
 
         def powers(at: FloatArray) -> FloatArray:
-            position, velocity, _ = motion.at(at)
-            found = forces.act(at, position, velocity).powers_W
+            moved = motion.at(at)
+            found = powers_W(scene, at, *moved[:2])
             if of.drive.prescribes:
-                torque = _reactions(forces, motion, at).driver_torque_N_m
+                torque = _reactions(of, motion, at, moved).driver_torque_N_m
                 assert torque is not None
-                found["driver"] = torque * forces.motion(at)[1]
-            return np.stack([found[name] for name in forces.integrated])
+                found["driver"] = torque * driven_speeds(of, at)
+            return np.stack([found[name] for name in integrals])
 
         works = dict[str, FloatArray]()
-        if forces.integrated:
-            sums = integral(grid, powers) if tree else cumulative_trapezoid(powers(grid), grid, initial=0.0)
-            works = dict(zip(forces.integrated, sums[:, np.searchsorted(grid, sampled_s)], strict=True))
-        position, velocity, _ = motion.at(sampled_s)
+        if integrals:
+            sums = integral(grid, powers) if tree else trapezoids(grid, powers(grid))
+            works = dict(zip(integrals, sums[:, np.searchsorted(grid, sampled_s)], strict=True))
+        position, velocity, _ = moved = motion.at(sampled_s)
         works = works_J(scene, position, works)
         return Trajectory(
-            **vars(_reactions(forces, motion, sampled_s)),
+            **vars(_reactions(of, motion, sampled_s, moved)),
             time_s=time,
             position=position,
             velocity=velocity,
@@ -64,7 +67,7 @@ def exudyn_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> Trajecto
             steps=recorded * every,
             solve_time_s=solve_time_s,
             contacts={
-                pin.name: contact_record(forces, motion, pin, scene.clearances[pin.name], sampled_s)
+                pin.name: contact_record(motion, pin, scene.clearances[pin.name], sampled_s)
                 for pin in of.loose
             },
             load_work_J=works,
@@ -80,23 +83,25 @@ def bare_run(engine: ExudynEngine, scene: Scene, run: RunSettings) -> BareRun:
     with silence(), np.errstate(all="ignore"):
         model, solve_time_s = _solved(engine, scene, run, 0)
         ends = [np.atleast_1d(model.mbs.GetSensorValues(sensor)) for sensor in model.motion[0]]
-        q, out = (model.start + np.concatenate(ends))[None], np.zeros((1, 3, 3 * len(model.of.bodies)))
-        states(link_rows(model.branches), q, q, q, out)  # their rates change no position
-        return BareRun(solve_time_s, out[0, 0].reshape(-1, 3))
+        q = (model.start + np.concatenate(ends))[:, None]
+        links, bodies = link_rows(model.branches), len(model.of.bodies)
+        return BareRun(solve_time_s, bodies_at(links, bodies, q, q, q)[0][0])  # rates change no position
 
 
 def _solved(engine: ExudynEngine, scene: Scene, run: RunSettings, every: int) -> tuple[Model, float]:
     """Return a model that has run, and the time of the solve; one in ``every`` equal steps is recorded."""
     model = Model(scene, engine.solver_of(scene) not in IMPLICIT)
-    settings = simulation_settings(engine, scene, model.forces, run, every)
+    settings = simulation_settings(engine, scene, run, every)
     return model, solve(model.mbs, settings, engine.timeout_s)
 
 
-def _reactions(forces: Forces, motion: Motion, time_s: FloatArray) -> Reactions:
-    """Return all forces at times (n,)."""
-    moved = motion.at(time_s)
-    acting = forces.act(time_s, *moved[:2], approach_m_s=motion.approach_m_s(time_s))
-    return forces.reactions(time_s, *moved, acting.contacts)
+def _reactions(
+    of: MechanismData, motion: Motion, time_s: FloatArray, moved: tuple[FloatArray, FloatArray, FloatArray]
+) -> Reactions:
+    """Return all forces at times (n,), by the motion then."""
+    touches = {pin.name: motion.approach_m_s(pin.name, time_s) for pin in of.loose}
+    contacts = {pin.name: contact_states(pin, *moved[:2], touches[pin.name]) for pin in of.loose}
+    return reactions(of, time_s, *moved, contacts)
 
 
 def _recorded(scene: Scene, model: Model, tree: bool) -> Motion:

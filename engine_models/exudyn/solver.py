@@ -11,9 +11,9 @@ import numpy as np
 from engine_models import watch
 from engine_models.engine import EngineFailed, RunSettings, SimulationFailed
 from engine_models.exudyn.engine import IMPLICIT, ExudynEngine
+from engine_models.mechanics.forces import driven_speeds
 from engine_models.mechanics.start import start_state
 from engine_models.mechanics.states import lever_m, levers_m, shortest_m
-from engine_models.minimal.forces import Forces
 from engine_models.scene.scene import Scene
 from engine_models.watch import FEWEST_STEPS, quickest_s
 from reference_solver.mechanism.contacts import stiffness_of
@@ -47,7 +47,7 @@ def silence() -> Iterator[None]:
 
 
 def simulation_settings(
-    engine: ExudynEngine, scene: Scene, forces: Forces, run: RunSettings, every: int
+    engine: ExudynEngine, scene: Scene, run: RunSettings, every: int
 ) -> exu.SimulationSettings:
     """Return all settings of a run: equal steps to the end, unless events or a tolerance shorten them.
 
@@ -88,7 +88,7 @@ def simulation_settings(
         # Residuals are forces: no bound fits both a light mechanism and a heavy one. Judge the increments,
         # which asks for both tolerances to be the same.
         newton.residualMode = 1
-        bound = newton_bound(scene, forces, solver, step_s)
+        bound = newton_bound(scene, solver, step_s)
         newton.relativeTolerance = newton.absoluteTolerance = bound
         # Only the initial accelerations rest on differences (of the joints, along the velocity): the default
         # 1e-9 m or rad loses half their digits, and the trapezoidal rule keeps that error for ever.
@@ -110,7 +110,7 @@ def simulation_settings(
     return settings
 
 
-def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> float:
+def newton_bound(scene: Scene, solver: str, step_s: float) -> float:
     """Return the increment, in m and rad, below which Newton's method need not go on in steps of a length.
 
     Powers are of the angle that the quickest body turns in a step. The first increment is of the second
@@ -121,7 +121,7 @@ def newton_bound(scene: Scene, forces: Forces, solver: str, step_s: float) -> fl
     """
     of, lever = scene.mechanism, lever_m(scene)
     if of.drive.prescribes:
-        speed = float(np.abs(forces.motion(np.linspace(0.0, scene.end_time_s, 1001))[1]).max())
+        speed = float(np.abs(driven_speeds(of, np.linspace(0.0, scene.end_time_s, 1001))).max())
         speed /= 1.0 if of.drive.guide is None else lever
     else:
         speed = float(np.abs(start_state(scene)[1][:, 2]).max())

@@ -12,8 +12,8 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from engine_models.engine import STRICT, BareRun, Engine, RunSettings, Trajectory, UnsupportedScene
+from engine_models.mechanics.forces import require_family
 from engine_models.mechanics.start import checked_start, unwound
-from engine_models.minimal.forces import require_family
 from engine_models.pymunk import kicks
 from engine_models.pymunk.loop import Loop
 from engine_models.pymunk.model import build, changes_speed, sweeps_of

@@ -148,7 +148,9 @@ class Loop:
         if acts or self.model.loaded:
             batch.set_space_bodies(space, LOADS, self._write)
         if self._changes:
-            (way, _), (_, speed), _ = self.forces.motion(np.array([t, t + step_s / 2])).tolist()
+            motion = np.empty((2, 3))
+            eq.drive(self.forces.p, np.array([t, t + step_s / 2]), motion)
+            (way, *_), (_, speed, _) = motion.tolist()
             behind, driven, of = way - step_s * speed, self._driven, self.forces.of
             if of.drive.guide is None:
                 driven.angle, driven.angular_velocity = self._begin_rad + behind, speed

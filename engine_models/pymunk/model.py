@@ -8,8 +8,9 @@ import pymunk
 
 from engine_models.engine import FloatArray, UnsupportedScene
 from engine_models.mechanics.states import levers_m
-from engine_models.minimal.forces import Forces
+from engine_models.minimal.model import Numbers
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism.contacts import DAMPING_FACTORS
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, MechanismData, Pin, Point
 
 #: The mass of a body that turns about a pin of the ground without a joint: a power of two loses no digit.
@@ -33,7 +34,7 @@ class Model:
     and ``loaded`` whether loads are to be set in every step.
     """
 
-    forces: Forces
+    forces: Numbers
     space: pymunk.Space
     bodies: tuple[pymunk.Body, ...]
     origin: FloatArray
@@ -62,7 +63,10 @@ def build(scene: Scene, position: FloatArray, all_joints: bool) -> Model:
     Raises:
         UnsupportedScene: a guide is none that Pymunk's groove is right for.
     """
-    of, forces, space = scene.mechanism, Forces(scene), pymunk.Space()
+    of, space = scene.mechanism, pymunk.Space()
+    # A law that somebody adds has no factor: it is known to the reference alone.
+    q, factors = np.zeros(3 * len(of.bodies)), DAMPING_FACTORS
+    forces = Numbers(of, q, lambda law, e: factors[law](e) if law in factors else 0.0)
     pushed = bool(forces.parts) or any(room.law != "rigid" for room in scene.clearances.values())
     still, rotors = _not_turning(of), pushed and not all_joints
     pivots = {body: _pivot(of, body, still, rotors) for body in range(len(of.bodies))}
@@ -100,7 +104,7 @@ def build(scene: Scene, position: FloatArray, all_joints: bool) -> Model:
     return model
 
 
-def sweeps_of(forces: Forces, position: FloatArray) -> int:
+def sweeps_of(forces: Numbers, position: FloatArray) -> int:
     """Return how many Gauss-Seidel sweeps over its joints a mechanism is given in a step.
 
     A sweep gives each joint in turn the impulse that closes it. What it leaves open of all joints is G times

@@ -1,13 +1,12 @@
-"""Forces and reactions of ``minimal`` in any states, for the engines that have none of their own."""
+"""Forces and reactions in any states, for the engines that have none of their own."""
 
 import numpy as np
 import pytest
 
 from engine_models.engine import RunSettings
-from engine_models.mechanics.forces import accelerations
+from engine_models.mechanics.forces import accelerations, contact_states, reactions
 from engine_models.mechanics.impacts import instants_in
 from engine_models.minimal.engine import SharpSolver
-from engine_models.minimal.forces import Forces
 from engine_models.scene.library import ALL_SCENES
 
 SCENES = ("ideal-compressor", "clearance-driven-damped", "scotch-yoke", "andrews-squeezer", "quick-return")
@@ -16,8 +15,9 @@ SCENES = ("ideal-compressor", "clearance-driven-damped", "scotch-yoke", "andrews
 @pytest.mark.parametrize("name", SCENES)
 def test_reactions_from_motion_are_the_multipliers_of_the_solver(name: str) -> None:
     scene = ALL_SCENES[name]()
-    of, run = Forces(scene), SharpSolver().simulate(scene, RunSettings(scene.end_time_s, 7))
-    told = of.reactions(run.time_s, run.position, run.velocity, accelerations(scene, run), run.contacts)
+    run = SharpSolver().simulate(scene, RunSettings(scene.end_time_s, 7))
+    motion = run.position, run.velocity, accelerations(scene, run)
+    told = reactions(scene.mechanism, run.time_s, *motion, run.contacts)
     for field in ("joint_force_N", "guide_force_N", "guide_moment_N_m"):
         for joint, force in getattr(run, field).items():
             largest = max(np.abs(each).max() for each in run.joint_force_N.values())
@@ -29,7 +29,8 @@ def test_reactions_from_motion_are_the_multipliers_of_the_solver(name: str) -> N
 
 def test_a_law_has_the_same_force_by_states_alone_as_in_the_solver() -> None:
     """A pin's force follows from its latest touch, and from nothing else that was before."""
-    scene = ALL_SCENES["clearance-free-OAB"]().replace("end_time_s", 0.01)
+    may_pull = {f"clearance.{joint}.may_pull": True for joint in "OAB"}
+    scene = ALL_SCENES["clearance-free-OAB"]().replace({"end_time_s": 0.01, **may_pull})
     contacts = SharpSolver().simulate(scene, RunSettings(scene.end_time_s, 1)).contacts
     all_impacts = [contact.impacts for contact in contacts.values()]
     within = [
@@ -38,14 +39,14 @@ def test_a_law_has_the_same_force_by_states_alone_as_in_the_solver() -> None:
         for begin, lasted in zip(of_joint.time_s, of_joint.duration_s, strict=True)
     ]
     settings = RunSettings(scene.end_time_s, 1, tuple(np.concatenate(within).tolist()))
-    of, run = Forces(scene), SharpSolver().simulate(scene, settings)
-    for joint, contact in run.contacts.items():
+    run = SharpSolver().simulate(scene, settings)
+    for pin in scene.mechanism.loose:
+        contact = run.contacts[pin.name]
         touches = np.searchsorted(contact.impacts.time_s, run.time_s) - 1
         pressed = (contact.penetration_m > 0) & (run.time_s < contact.impacts.time_s[-1])
         assert pressed.sum() > 20
-        approach = {joint: contact.impacts.approach_speed_m_s[touches[pressed]]}
-        at = run.time_s[pressed], run.position[pressed], run.velocity[pressed]
-        acting = of.act(*at, approach_m_s=approach).contacts[joint]
+        approach = contact.impacts.approach_speed_m_s[touches[pressed]]
+        acting = contact_states(pin, run.position[pressed], run.velocity[pressed], approach)
         largest = contact.normal_force_N.max()
         assert acting.normal_force_N == pytest.approx(contact.normal_force_N[pressed], abs=1e-9 * largest)
         if contact.friction_force_N is not None:
