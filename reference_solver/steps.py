@@ -241,7 +241,9 @@ def propose(run, rows, contacts, method, knots):
     do so again by steps that are not much shorter: the next multiple may be a singular position.
     """
     t, h, landing, releasing = run.time, run.longest, run.end, -1
-    if method is None:
+    if method is not None:
+        h = min(run.step, h)
+    else:
         if run.located == 0:
             while (run.landed + 1) * h <= t + run.slack:
                 run.landed += 1
@@ -253,10 +255,10 @@ def propose(run, rows, contacts, method, knots):
                 landing = run.end
         elif contacts is not None:
             h = graded_step(run, rows, contacts)
+        if run.rejected != 0:
+            h = min(h, run.step)
     if knots is not None:
         h = to_knot(run, rows, knots, h)
-    if run.controlled != 0 or run.rejected != 0:
-        h = min(h, run.step)
     step = Step(t, 0.0, 0.0, h, t + h)
     if method is not None:
         if contacts is not None:
