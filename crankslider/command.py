@@ -12,16 +12,14 @@ import os
 import re
 import signal
 import sys
-import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import version
 from operator import attrgetter
 from pathlib import Path
 from shlex import quote
-from tempfile import TemporaryDirectory
 from traceback import walk_stack
 from types import FrameType
 from typing import Annotated, Any, get_args, get_origin
@@ -32,8 +30,6 @@ from typer import Argument, Option, Typer
 from studies.failures import BadInput, Failed, bug, log, progress_console, writing
 
 INTERRUPTED = 130
-#: Time between lines on the progress of a simulation, in s.
-LINE_S = 10.0
 #: Whose functions no interrupt may leave: LLVM calls them, and goes on with half a result. It comes again.
 UNBREAKABLE, AGAIN_S = "llvmlite.", 0.01
 QUIET = Annotated[bool, Option("--quiet", help="Print neither notes nor progress, and no table of samples.")]
@@ -74,9 +70,7 @@ def with_options(function: Callable[..., None], paths: Sequence[str]) -> Callabl
     parameters, forms = dict[str, inspect.Parameter](), dict[str, list[str]]()
     for each in (*map(of_library, paths), function):
         arguments = inspect.signature(inspect.unwrap(each)).parameters
-        texts = {**described(each)[1], "as_json": ("--json", "print JSON.")}
-        for name in [name for name in texts if name in arguments]:
-            typed, text = texts[name]
+        for name, (typed, text) in described(each)[1].items():
             forms[name] = typed.split() or [f"--{name.replace('_', '-')}", name.upper()]
             parameters[name] = option(arguments[name], forms[name], text)
     quiet = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=QUIET)
@@ -99,11 +93,7 @@ def option(argument: inspect.Parameter, typed: Sequence[str], text: str) -> insp
     several, flag = bool(origins & {Mapping, Sequence}), argument.default is False
     kind: Any = bool if flag else list[str] | None if several else str | None
     names, form = [word for word in typed if word.startswith("--")], typed[-1]
-    info = (
-        Option(*names, metavar=None if flag else form, help=text)
-        if names
-        else Argument(metavar=form, help=text)
-    )
+    info = (Option if names else Argument)(*names, metavar=None if flag else form, help=text)
     default = None if several else argument.default
     return argument.replace(default=default, annotation=Annotated[kind, info], kind=argument.KEYWORD_ONLY)
 
@@ -119,13 +109,9 @@ def assigned(typed: Sequence[str], assignments: Sequence[str]) -> dict[str, str]
     """Return the values of assignments of an option and a form such as ``--set KEY=VALUE`` by their keys."""
     from engine_models.scene.plain_words import shown
 
-    values = dict[str, str]()
-    for assignment in assignments:
-        key, equals, value = assignment.partition("=")
-        if not (key and equals) or key in values:
-            got = f"{key} twice" if key in values else shown(assignment)
-            raise BadInput(f"{typed[0][2:]}: expected {typed[-1]}, got {got}")
-        values[key] = value
+    values = dict(each.split("=", 1) for each in assignments if each.find("=") > 0)
+    if len(values) < len(assignments):
+        raise BadInput(f"{typed[0][2:]}: expected {typed[-1]}, each once, got {shown(' '.join(assignments))}")
     return values
 
 
@@ -136,7 +122,7 @@ def print_rows(rows: Sequence[Sequence[str]]) -> None:
         print("  ".join(map(str.ljust, row, widths)).rstrip())
 
 
-def scenes(as_json: bool = False) -> None:
+def scenes() -> None:
     """List the scenes of the library."""
     from engine_models.scene.library import ALL_SCENES
 
@@ -145,13 +131,10 @@ def scenes(as_json: bool = False) -> None:
         scene = make()
         joints, end = ", ".join(scene.clearances) or "none", f"{scene.end_time_s:g} s"
         rows.append((name, scene.drive.kind, joints, end, described(make)[0].partition("\n")[0]))
-    if as_json:
-        print(json.dumps([dict(zip(rows[0], row, strict=True)) for row in rows[1:]], indent=2))
-    else:
-        print_rows(rows)
+    print_rows(rows)
 
 
-def engines(name: str | None = None, as_json: bool = False) -> None:
+def engines(name: str | None = None) -> None:
     """List the engines, their settings and the library scenes that each can run.
 
     Args:
@@ -162,24 +145,18 @@ def engines(name: str | None = None, as_json: bool = False) -> None:
     from engine_models.scene.library import ALL_SCENES
     from engine_models.scene.plain_words import expectation, fields, shown
 
-    listed = []
     for engine in [name] if name else ENGINES:
-        kind, refused = engine_class(engine), dict[str, str]()
+        kind, refused = engine_class(engine), defaultdict[str, list[str]](list)
         for scene, make in ALL_SCENES.items():
             try:
                 kind().check(make())
             except UnsupportedScene as reason:
-                refused[scene] = str(reason)
-        settings = [(f"  {key}", shown(it["default"]), expectation(it)) for key, it in fields(kind).items()]
+                refused[str(reason)].append(scene)
         about = inspect.getdoc(kind) or ""
-        listed.append({"engine": engine, "about": about, "settings": settings, "refused": refused})
-        if not as_json:
-            print(f"{engine}: {about if name else about.partition(chr(10))[0]}")
-            print_rows(settings)
-            for why in dict.fromkeys(refused.values()):
-                print(f"  not {', '.join(scene for scene in refused if refused[scene] == why)}: {why}")
-    if as_json:
-        print(json.dumps(listed, indent=2))
+        print(f"{engine}: {about if name else about.partition(chr(10))[0]}")
+        print_rows([(f"  {key}", shown(it["default"]), expectation(it)) for key, it in fields(kind).items()])
+        for why, names in refused.items():
+            print(f"  not {', '.join(names)}: {why}")
 
 
 def show(given: dict[str, Any]) -> None:
@@ -192,9 +169,8 @@ def check(given: dict[str, Any]) -> None:
     from crankslider.library import refusing
     from engine_models.reference.inspection import inspect
 
-    physics = use("read_scene", given)
-    with refusing(), progress(physics.end_time_s):
-        print("\n".join(inspect(physics)))
+    with refusing():
+        print("\n".join(inspect(use("read_scene", given))))
 
 
 def schema() -> None:
@@ -216,18 +192,20 @@ def truth(given: dict[str, Any]) -> None:
 
 def write(given: dict[str, Any], solve: str) -> None:
     """Write what was asked for of a run, without files its samples to stdout, and notes."""
+    from engine_models.watch import told_to
+
     scene = use("read_scene", given)
     files = {name: given[name] for name in ("out", "impacts", "plot", "animate") if name in given}
     use("require_outputs", given, scene=scene, files=files)
     if "plot_columns" in given:
         given["plot_columns"] = [name for each in given["plot_columns"] for name in each.split(",")]
-        short = {"end": 1e-6 * scene.end_time_s, "step": None, "tolerance": None, "samples": 1, "start": 0}
-        with suppress(Failed), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            use("simulate", given, scene=scene, quick=True, **short).plot(given["plot_columns"])
     if not files and log.isEnabledFor(logging.INFO):
         given["out"] = "-"
-    with progress(scene.end_time_s):
+
+    def tell(time_s: float) -> None:
+        status.update(f"t = {time_s:.6g} s of {scene.end_time_s:g} s")
+
+    with progress_console().status("") as status, told_to(tell):
         run = use(solve, given, scene=scene, end=None)
         call(run.write, given)
     for note in run.notes():
@@ -251,7 +229,7 @@ def run(given: dict[str, Any]) -> None:
     log.info(f"the results are in {given['out']}")
 
 
-def compare(given: dict[str, Any], as_json: bool = False) -> None:
+def compare(given: dict[str, Any]) -> None:
     """Compare engines on a scene: which configuration and setting to use, with its error and run time."""
     from reports.standings import standings_table
 
@@ -261,16 +239,11 @@ def compare(given: dict[str, Any], as_json: bool = False) -> None:
     result = use("compare", given, scene=use("read_scene", given), given=typed)
     result.save(result.folder)
     table = standings_table(result.standings).cells()
-    if as_json:
-        print(table.to_json(orient="records", indent=2))
-    else:
-        print(table.to_string(index=False), result.recommendation, sep="\n")
+    print(table.to_string(index=False), result.recommendation, sep="\n")
     log.info(f"the page is {result.folder / 'index.html'}")
 
 
-def conform(
-    name: str | None = None, table: str | None = None, table_scene: str | None = None, as_json: bool = False
-) -> None:
+def conform(name: str | None = None, table: str | None = None, table_scene: str | None = None) -> None:
     """Run the checks that every engine has to pass; exit code 1 if one fails.
 
     Args:
@@ -278,21 +251,16 @@ def conform(
         table [--from FILE.csv]: a CSV table of another solver in place of an engine.
         table_scene [--scene SCENE]: the scene that the table is of.
     """
-    from rich.progress import track
-
-    from crankslider.library import join_engines, verdicts_on_table
+    from crankslider.library import verdicts_on_table
     from engine_models.engines import make_engine
     from studies.conform import verdicts
 
     if (name is None) == (table is None) or (table_scene is None) != (table is None):
         raise BadInput("NAME: expected an engine, or --from FILE.csv with --scene SCENE, got another call")
-    join_engines([name] if name else [])
     checks = verdicts(make_engine(name)) if name else verdicts_on_table(str(table), str(table_scene))
-    quiet = not sys.stderr.isatty()  # or a line's end is left of it there
-    made = [*track(checks, name or table or "", console=progress_console(), transient=True, disable=quiet)]
-    if as_json:
-        print(json.dumps([each._asdict() for each in made], indent=2))
-    for claim in () if as_json else dict.fromkeys(each.claim for each in made):
+    with progress_console().status(f"checks of {name or table}"):
+        made = list(checks)
+    for claim in dict.fromkeys(each.claim for each in made):
         ones = [each for each in made if each.claim == claim]
         wrong = [each for each in ones if not each.holds]
         held = f"{len(ones) - len(wrong)} of {len(ones)} scenes" if ones[0].scene else ones[0].measured
@@ -303,9 +271,7 @@ def conform(
         raise Failed(f"{name or table} does not pass all checks")
 
 
-def baseline(
-    name: str | None = None, folder: str = "accuracy", accept: str | None = None, as_json: bool = False
-) -> None:
+def baseline(name: str | None = None, folder: str = "accuracy", accept: str | None = None) -> None:
     """Compare the accuracy of all configurations with baselines; exit code 1 if a number left its band.
 
     Args:
@@ -313,13 +279,14 @@ def baseline(
         folder: folder of that engine's baselines.
         accept [--accept REASON]: accept the numbers as they are, for this reason.
     """
-    from crankslider.library import join_engines
     from engine_models.arms import NAMED as ALL
+    from engine_models.engines import join
     from studies.baselines import FOLDER, compare_or_accept
 
-    join_engines([name] if name else [])
+    if name:
+        join(name)
     lines = compare_or_accept([name] if name else ALL, Path(folder) if name else FOLDER, accept)
-    print(json.dumps(lines, indent=2) if as_json else "\n".join(lines))
+    print("\n".join(lines))
     if lines:
         raise Failed(f"{len(lines)} numbers left their bands")
 
@@ -335,14 +302,12 @@ def report(results: str = "results", out: str = "report", against: str | None = 
     from pandas import DataFrame
 
     from reports.chapters.contents import CHAPTERS
-    from reports.page import read_claims, require_replaceable, write_report
+    from reports.page import read_claims, write_report
 
     place = Path(out)
     before = read_claims(Path(against)) if against else {}
     with writing("out", place):
-        require_replaceable(place)
-        with whole_folder(place) as new:
-            made = write_report(Path(results), new, CHAPTERS)
+        made = write_report(Path(results), place, CHAPTERS)
     for note in made.notes:
         log.info(note)
     if against:
@@ -350,37 +315,6 @@ def report(results: str = "results", out: str = "report", against: str | None = 
     else:
         print("\n".join(made.answer))
     log.info(f"the report is {place / 'index.html'}")
-
-
-@contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
-    """Give an empty folder that takes the place of ``path`` at the block's end, and vanishes if it fails."""
-    path = Path(os.path.realpath(path))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as beside:
-        new, old = Path(beside, "new"), Path(beside, "old")
-        new.mkdir()
-        yield new
-        if path.exists():
-            path.rename(old)
-        new.rename(path)
-
-
-@contextmanager
-def progress(end_time_s: float) -> Iterator[None]:
-    """Say now and then how far the simulations of the block have come, each to its end."""
-    from engine_models.watch import told_to
-
-    began = last = time.monotonic()
-
-    def tell(time_s: float) -> None:
-        nonlocal last
-        if time.monotonic() > last + LINE_S:
-            last = time.monotonic()
-            log.info(f"t = {time_s:.6g} s of {end_time_s:g} s after {last - began:.0f} s")
-
-    with told_to(tell):
-        yield
 
 
 #: The commands, each with the names of those in ``library`` whose arguments are options of it.
@@ -422,7 +356,7 @@ def explain(error: BaseException) -> tuple[str, int]:
         return "", 1
     if isinstance(error, OSError):
         return f"{error.filename or 'output'}: {error.strerror or error}", 2
-    return "the run needs more memory than there is" if isinstance(error, MemoryError) else bug(error), 1
+    return bug(error), 1
 
 
 def main() -> None:
@@ -436,9 +370,7 @@ def main() -> None:
     warnings.showwarning = lambda message, *_: log.warning(str(message))
     warnings.simplefilter("ignore")
     warnings.simplefilter("always", UserWarning)
-    if sys.stdout is None:  # closed: what is printed must not be lost in silence
-        sys.stdout = open(os.devnull)  # noqa: SIM115  it lives as long as the process
-    elif hasattr(sys.stdout, "reconfigure"):
+    if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(encoding="utf-8", errors="surrogateescape")
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:

@@ -1,6 +1,5 @@
 """What the library's functions return: tables, figures, and checks of their accuracy."""
 
-import io
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -13,18 +12,16 @@ from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import InstanceOf
 
 from engine_models.engine import Engine, Trajectory
 from engine_models.mechanics.quality import Quality, quality_of
-from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
 from engine_models.scene.arguments import Place, check_arguments, in_words
 from engine_models.scene.format import Positive
 from engine_models.scene.plain_words import one_of, shown, unknown
 from engine_models.scene.scene import Scene
-from engine_models.watch import tell
 from studies.failures import BadInput, writing
+from studies.judges.columns import impact_columns, sample_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,9 +44,6 @@ class ContactForce(NamedTuple):
     force_N: float
     joint: str
     time_s: float
-
-    def __str__(self) -> str:
-        return f"{_newtons(self.force_N)} at joint {self.joint} at t = {self.time_s:.6g} s"
 
 
 @dataclass(frozen=True)
@@ -79,34 +73,23 @@ class Run:
         """The samples: motion, forces and energies over ``time_s``, with the columns of the command line."""
         import pandas as pd
 
-        return pd.DataFrame(self.columns("out")).set_index("time_s")
+        return pd.DataFrame(sample_columns(self.scene, self.trajectory)).set_index("time_s")
 
     @cached_property
     def impacts(self) -> "pd.DataFrame":
         """The contacts that have ended, one row each in the order of time; empty in an ideal scene."""
         import pandas as pd
 
-        return pd.DataFrame(self.columns("impacts"))
-
-    def columns(self, table: str) -> Mapping[str, Any]:
-        """Return the columns of the table ``out``, of samples, or ``impacts``, without what pandas costs."""
-        from studies.judges.columns import impact_columns, sample_columns
-
-        if table == "impacts":
-            return impact_columns(self.trajectory.contacts)
-        return sample_columns(self.scene, self.trajectory)
+        return pd.DataFrame(impact_columns(self.trajectory.contacts))
 
     @property
     def largest_contact_force(self) -> ContactForce | None:
         """The largest normal force after ``start_s``, in impacts and samples; None of rigid walls."""
-        return self._largest_force(self.start_s)
-
-    def _largest_force(self, start_s: float) -> ContactForce | None:
         forces = list[ContactForce]()
         for joint, contact in self.trajectory.contacts.items():
             force = np.append(contact.normal_force_N, contact.impacts.largest_normal_force_N)
             times = np.append(self.trajectory.time_s, contact.impacts.largest_normal_force_time_s)
-            force = np.where(times >= start_s, force, 0.0)
+            force = np.where(times >= self.start_s, force, 0.0)
             k = np.nanargmax(force)
             if self.scene.clearances[joint].law != "rigid" and force[k] > 0:
                 forces.append(ContactForce(float(force[k]), joint, float(times[k])))
@@ -164,45 +147,26 @@ class Run:
             plot_columns: columns that the figure shows, A,B.
             exaggerate: enlarge clearances in the animation by this factor.
         """
-        files = {"out": out, "impacts": impacts, "plot": plot, "animate": animate}
-        require_outputs(self.scene, {name: place for name, place in files.items() if place}, exaggerate)
-        for name, place in (("out", out), ("impacts", impacts)):
-            if place is not None:
-                write_file(name, place, self._encoded(self.columns(name), Path(place).suffix.lower()))
+        require_outputs(self.scene, {"out": out, "impacts": impacts, "plot": plot, "animate": animate})
+        if out is not None:
+            write_file("out", out, encode(self.frame.reset_index(), out, self.made_by))
+        if impacts is not None:
+            write_file("impacts", impacts, encode(self.impacts, impacts, self.made_by))
         if plot is not None:
             write_file("plot", plot, self.plot(plot_columns))
         if animate is not None:
-            from reports.film import film_bytes, pictured  # loads Matplotlib
+            from reports.film import film_bytes  # loads Matplotlib
 
-            shown = selected(self.trajectory, pictured(len(self.trajectory.time_s)))
-            film = film_bytes(self.scene, shown, exaggerate, Path(animate).suffix.lower(), tell)
+            film = film_bytes(self.scene, self.trajectory, exaggerate, Path(animate).suffix.lower())
             write_file("animate", animate, film)
-
-    def _encoded(self, columns: Mapping[str, Any], ending: str) -> bytes:
-        """Return a table as CSV with all digits, or as JSON or Parquet with what made it."""
-        if ending == ".parquet":
-            import pyarrow as pa
-            from pyarrow import parquet
-
-            texts = {name: it if isinstance(it, str) else json.dumps(it) for name, it in self.made_by.items()}
-            sink = io.BytesIO()
-            parquet.write_table(pa.table(dict(columns)).replace_schema_metadata(texts), sink)
-            return sink.getvalue()
-        lists = {name: values.tolist() for name, values in columns.items()}
-        if ending == ".json":
-            known = {name: [None if it != it else it for it in values] for name, values in lists.items()}
-            return (json.dumps({"made_by": self.made_by, "columns": known}) + "\n").encode("utf-8")
-        lines = [lists, *zip(*lists.values(), strict=True)]
-        return "".join(",".join(map(str, line)) + "\n" for line in lines).encode("utf-8")
 
     @property
     def made_by(self) -> dict[str, Any]:
         """Provenance of the run: version, engine, settings, steps, quality, and the scene as TOML."""
-        true = {"settings": {}, "certain_m": self.certain_m, "by": self.by} if self.by else {}
         return {
             "version": version("crankslider"),
             "engine": self.engine_name,
-            "settings": dict(vars(self.engine)),
+            "settings": {} if self.by else dict(vars(self.engine)),
             "tolerance_m": self.tolerance_m,
             "step_s": self.trajectory.step_s,
             "steps": self.trajectory.steps,
@@ -210,7 +174,7 @@ class Run:
             "quality": self.quality.parts(),
             "warnings": list(self.warnings),
             "scene": self.scene.to_toml(),
-            **true,
+            **({"certain_m": self.certain_m, "by": self.by} if self.by else {}),
         }
 
     def notes(self) -> list[str]:
@@ -229,16 +193,10 @@ class Run:
             lines.append(f"{steps} steps{f' of {method}' if method else ''}, {how_long}")
             if (moved := self.scene.placed.moved) is not None:
                 lines.insert(0, f"start put together: {moved} from what the file tells")
-        if (largest := self.largest_contact_force) is None:
-            return lines
-        lines.append(f"the largest contact force is {largest}")
-        if (overall := self._largest_force(0.0)) != largest:
-            lines[-1] += f", after the transient to {self.start_s:g} s, in which it is {overall}"
-        late = self.trajectory.time_s >= self.start_s
-        shown_N = self.trajectory.contacts[largest.joint].normal_force_N[late].max(initial=0.0)
-        if shown_N < 0.9 * largest.force_N:
-            missed = f"{len(late) - 1} samples show at most {_newtons(shown_N)} of it"
-            lines.append(f"{missed}: more --samples show more, --impacts FILE has every impact's largest")
+        if largest := self.largest_contact_force:
+            where = f"{_newtons(largest.force_N)} at joint {largest.joint} at t = {largest.time_s:.6g} s"
+            after = f", after {self.start_s:g} s" if self.start_s else ""
+            lines.append(f"the largest contact force is {where}{after}")
         return lines
 
     def __repr__(self) -> str:
@@ -266,15 +224,13 @@ class Sweep:
 class Comparison:
     """A comparison of engines on a scene.
 
-    ``results`` has the rows and their curves, kept in ``folder``. ``run`` is the recommended one with more
-    samples, if there is one. ``given`` is the scene as it is typed in a command.
+    ``results`` has the rows and their curves, kept in ``folder``; ``given`` is the scene as it is typed.
     """
 
     scene: Scene
     results: "Results"
     given: str
     folder: Path
-    run: Run | None = None
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -300,69 +256,49 @@ class Comparison:
         """Write the page, ``index.html``, its figures and tables, and the rows, ``rows.csv``, to a folder."""
         from reports.comparison import write_comparison
 
-        pictures = {}
-        if self.run is not None:
-            pictures["What does the recommended run look like?"] = self.run.plot()
-            for joint in self.scene.clearances:
-                pictures[f"Where is pin {joint} in its bearing?"] = self.run.plot_orbit(joint)
         with writing("folder", Path(folder)):
-            write_comparison(Path(folder), self.results, pictures, self.scene.to_toml(), self.given)
+            write_comparison(Path(folder), self.results, self.scene.to_toml(), self.given)
         write_file("folder", Path(folder, "rows.csv"), self.frame.to_csv(index=False).encode())
 
 
-@check_arguments
-def require_outputs(scene: InstanceOf[Scene], files: Mapping[str, Place], exaggerate: Times = 1.0) -> None:
-    """Refuse, before any work, files that cannot be written, have other endings, or are one."""
-    if exaggerate != 1.0 and "animate" not in files:
-        raise BadInput(f"exaggerate: expected nothing without animate, got {exaggerate:g}")
-    if "impacts" in files and not scene.clearances:
+def require_outputs(scene: Scene, files: Mapping[str, str | Path | None]) -> None:
+    """Refuse, before any work, files that cannot be written or have other endings."""
+    if files.get("impacts") is not None and not scene.clearances:
         raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has no impacts")
-    for name, place in files.items():
-        require_file(name, place, FILES[name])
-    if len({os.path.realpath(place) for place in files.values()}) < len(files):
-        raise BadInput(f"out: expected a file each, got {', '.join(map(str, files.values()))}")
+    for name, path in ((name, Path(place)) for name, place in files.items() if place is not None):
+        if path.suffix.lower() not in FILES[name]:
+            expected = f"a file that ends in {one_of([each for each in FILES[name] if each])}"
+            raise BadInput(f"{name}: expected {expected}, got {shown(str(path))}")
+        with writing(name, path):
+            if path.is_dir():
+                raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+            if path != STDOUT and (path.is_file() or not path.exists()):  # not a device
+                TemporaryFile(dir=os.path.realpath(path.parent)).close()
 
 
-def require_file(argument: str, place: str | Path, endings: Sequence[str]) -> None:
-    """Refuse a file that cannot be written or has another ending; .mp4 takes ffmpeg."""
-    path = Path(place)
-    if (ending := path.suffix.lower()) == ".mp4":
-        from reports.film import can_write
-
-        endings = [each for each in endings if can_write(each)]
-    if ending not in endings:
-        expected = f"a file that ends in {one_of([each for each in endings if each])}"
-        raise BadInput(f"{argument}: expected {expected}, got {shown(str(path))}")
-    path = Path(os.path.realpath(path))
-    with writing(argument, Path(place)):
-        if path.is_dir():
-            raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
-        if Path(place) != STDOUT and (path.is_file() or not path.exists()):
-            TemporaryFile(dir=path.parent).close()
+def encode(frame: "pd.DataFrame", place: str | Path, made_by: Mapping[str, Any]) -> bytes:
+    """Return a table as CSV with all digits, or by its file's ending as JSON or Parquet with what made it."""
+    ending = Path(place).suffix.lower()
+    if ending == ".parquet":
+        frame.attrs = dict(made_by)  # which Parquet keeps
+        return frame.to_parquet(index=False)  # type: ignore[no-any-return]
+    if ending == ".json":
+        columns = frame.astype(object).where(frame.notna(), None).to_dict("list")
+        return (json.dumps({"made_by": made_by, "columns": columns}) + "\n").encode("utf-8")
+    return frame.to_csv(index=False, lineterminator="\n").encode("utf-8")  # type: ignore[no-any-return]
 
 
 def write_file(argument: str, place: str | Path, content: "bytes | Figure") -> None:
-    """Write to stdout, a device or pipe, or a file that takes its place once it is on the disk."""
+    """Write to stdout or a file."""
     if not isinstance(content, bytes):
         from reports.look import picture_bytes  # loads Matplotlib
 
         content = picture_bytes(content, Path(place).suffix.lower())
-    path = Path(os.path.realpath(place))
     with writing(argument, Path(place)):
         if Path(place) == STDOUT:
             print(content.decode("utf-8"), end="")
-        elif path.exists() and not path.is_file():
-            path.write_bytes(content)
         else:
-            new = path.with_name(f".{path.name}.{os.getpid()}.new")
-            try:
-                with new.open("wb") as file:
-                    file.write(content)
-                    file.flush()
-                    os.fsync(file.fileno())
-                new.replace(path)
-            finally:
-                new.unlink(missing_ok=True)
+            Path(place).write_bytes(content)
 
 
 def _newtons(force_N: float) -> str:

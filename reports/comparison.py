@@ -1,14 +1,13 @@
 """The page of a comparison on one scene."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure as Drawing
 
 from reports.lines import MOST_LINES, Line, Panel, figure_of, shown_labels, so_far
 from reports.look import axis_label, command, line_styles, words
@@ -20,32 +19,25 @@ from reports.standings import NAME, Standings, sentences, standings_table
 MARKERS = 7
 
 
-def write_comparison(
-    folder: Path, results: Results, pictures: Mapping[str, Drawing], scene: str, given: str
-) -> None:
+def write_comparison(folder: Path, results: Results, scene: str, given: str) -> None:
     """Write the page of the results on one scene, its figures and tables to a folder.
 
-    ``pictures`` are of the recommended run, by their titles; ``scene`` is the scene as TOML, and ``given``
-    how it is typed in a command.
+    ``scene`` is the scene as TOML, and ``given`` how it is typed in a command.
     """
-    rest = partial(_parts, pictures=pictures, scene=scene, given=given)
+    rest = partial(_parts, scene=scene, given=given)
     made = Made.of(Chapter("answer", "Recommendation", (NAME,), "", rest), {NAME: results})
     head = {"scene": given, "engines": ", ".join(dict.fromkeys(results.rows["engine"]))}
     title = f"Engines on {results.rows['scene'].iloc[0]}"
     write_page(folder, title, head, [made], {NAME: f"crankslider compare {given}"})
 
 
-def _parts(
-    studies: Studies, pictures: Mapping[str, Drawing], scene: str, given: str
-) -> Iterator[Part | None]:
+def _parts(studies: Studies, scene: str, given: str) -> Iterator[Part | None]:
     results = studies[NAME]
     standings = Standings.of(results.rows)
     for k, sentence in enumerate(sentences(standings, given)):
         yield Claim(str(k), sentence.replace("{", "{{").replace("}", "}}"))
     yield standings_table(standings)
     yield from _figures(results, standings)
-    for n, (title, drawing) in enumerate(pictures.items()):
-        yield Figure(f"{NAME}-run-{n}", title, "", NAME, drawing)
     rows, axis = standings.recorded, axis_label(standings.column)
     table = rows[["label", "knob", "value", standings.column, "status"]].astype({"label": str})
     table = table.rename(columns={"label": "configuration", standings.column: axis})

@@ -2,7 +2,7 @@
 
 import io
 from base64 import b64encode
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,11 +14,12 @@ from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.lines import Line2D
 from matplotlib.markers import CARETUP
 from matplotlib.patches import Circle, Polygon
-from numpy.typing import NDArray
 
 from engine_models.engine import FloatArray, Trajectory
+from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import GROUND, Point, direction, point_motion, way
 from engine_models.scene.scene import Scene
+from engine_models.watch import tell
 from reports.look import BLUE, GREY, RC, VERMILLION, WIDTH_IN, Picture
 from reports.page import template
 
@@ -45,24 +46,13 @@ DARK, LIGHT, MM_PER_M = "#555555", "#D9D9D9", 1e3
 End = tuple[int, Point]
 
 
-def can_write(ending: str) -> bool:
-    """Return whether a film can be written to a file of this ending here: .mp4 takes ffmpeg."""
-    return ending != ".mp4" or FFMpegWriter.isAvailable()
+def film_bytes(scene: Scene, run: Trajectory, exaggerate: float, ending: str) -> bytes:
+    """Return the film of a run as the bytes of a .html, .gif or .mp4 file, which takes ffmpeg.
 
-
-def pictured(samples: int) -> NDArray[np.intp]:
-    """Return the numbers of the samples that a film shows."""
-    return np.rint(np.linspace(0, samples - 1, min(samples, MOST_PICTURES))).astype(np.intp)
-
-
-def film_bytes(
-    scene: Scene, run: Trajectory, exaggerate: float, ending: str, drawn: Callable[[float], None]
-) -> bytes:
-    """Return the film of a run as the bytes of a .html, .gif or .mp4 file.
-
-    A page holds its pictures, and needs no other file. ``drawn`` is called with the time in s of every
-    picture that is done.
+    A page holds its pictures, and needs no other file.
     """
+    samples = len(run.time_s)
+    run = selected(run, np.rint(np.linspace(0, samples - 1, min(samples, MOST_PICTURES))).astype(np.intp))
     with mpl.rc_context(RC), TemporaryDirectory() as folder:
         stage, file, pictures = Stage(scene, run, exaggerate), Path(folder) / f"film{ending}", list[str]()
         if ending == ".html":
@@ -70,7 +60,7 @@ def film_bytes(
                 content = io.BytesIO()
                 stage.picture.savefig(content, dpi=DPI)
                 pictures.append(b64encode(content.getvalue()).decode("ascii"))
-                drawn(time_s)
+                tell(time_s)
             page, interval_ms = template("film.html.jinja"), 1000 // PER_SECOND
             text: str = page.render(title=scene.name, pictures=pictures, interval_ms=interval_ms)
             return text.encode("utf-8")
@@ -78,7 +68,7 @@ def film_bytes(
         with writer.saving(stage.picture, file, DPI):
             for time_s in stage.pictures():
                 writer.grab_frame()
-                drawn(time_s)
+                tell(time_s)
         return file.read_bytes()
 
 

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import pandas as pd
@@ -17,6 +18,8 @@ from studies.failures import BadInput, Failed
 
 #: What marks a folder as a report, so that nothing else is ever replaced; the file of its claims.
 GENERATOR, FINDINGS = '<meta name="generator" content="crankslider">', "findings.json"
+#: Folders of a page's files.
+KINDS = ("tables", "data", "figures")
 #: Endings of columns that say more of the number in the column without: they are shown in its cell.
 MOST, UNCERTAIN, HALF_WIDTH = ENDINGS = (" (most)", " (uncertainty)", " (half width)")
 #: A half width below this part of its number is not shown.
@@ -169,15 +172,20 @@ class Report:
 
 
 def write_report(results: Path, folder: Path, chapters: Sequence[Chapter]) -> Report:
-    """Make the report of the studies in ``results`` in a folder that is new or empty.
+    """Make the report of the studies in ``results`` in a folder, which is new or replaces a report.
 
     That is index.html, findings.json, tables/ and data/ with CSV, and figures/ with SVG.
 
     Raises:
-        NoResults: no study in ``results`` has rows; then there is no folder.
+        FileExistsError: something is in the folder that is no report.
+        NoResults: no study in ``results`` has rows.
         BadInput: a file cannot be read.
         Contradiction: a claim is not true of the results.
     """
+    page = folder / "index.html"
+    is_report = page.is_file() and GENERATOR in page.read_text(encoding="utf-8", errors="replace")
+    if any(folder.glob("*")) and not is_report:
+        raise FileExistsError(f"out: expected a new folder or a report to replace, got {folder}")
     studies, missing = dict[str, Results](), dict[str, NoResults]()
     for study in dict.fromkeys(name for chapter in chapters for name in chapter.studies):
         try:
@@ -198,6 +206,8 @@ def write_report(results: Path, folder: Path, chapters: Sequence[Chapter]) -> Re
     run = "crankslider run" + " --full" * any(of.facts.get("set") == "full" for of in studies.values())
     recreate = {name: f"{run} {name}; crankslider report" for name in studies}
     recreate[""] = f"{run}; crankslider report"
+    for kind in KINDS:
+        rmtree(folder / kind, ignore_errors=True)
     write_page(folder, "Crank-slider validation study", _head(studies), made, recreate, notes)
     origins = {
         name: {"set": of.facts.get("set"), "commit": of.facts.get("commit"), "runs": len(of.rows)}
@@ -225,7 +235,7 @@ def write_page(
 
     ``head`` is the line below the title, ``recreate`` has the command for the rows of each study.
     """
-    for kind in ("tables", "data", "figures"):
+    for kind in KINDS:
         (folder / kind).mkdir(parents=True, exist_ok=True)
     for table in (table for each in made for table in each.tables):
         table.rows.to_csv(folder / f"tables/{table.name}.csv", index=False, lineterminator="\n")
@@ -248,15 +258,6 @@ def template(name: str) -> Any:
     page = Environment(loader=PackageLoader("reports", "."), lstrip_blocks=True, **settings)
     page.tests["part"] = lambda part, kind: type(part).__name__ == kind
     return page.get_template(name)
-
-
-def require_replaceable(out: Path) -> None:
-    """Raise FileExistsError if something is at a report's place that is no report."""
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return
-    page = out / "index.html"
-    if not page.is_file() or GENERATOR not in page.read_text(encoding="utf-8", errors="replace"):
-        raise FileExistsError(f"out: expected a new folder or a report to replace, got {out}")
 
 
 def read_claims(report: Path) -> dict[str, str]:

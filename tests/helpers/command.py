@@ -28,7 +28,6 @@ def crankslider(*arguments: object) -> Finished:
         patch.object(sys, "argv", argv),
         redirect_stdout(StringIO()) as out,
         redirect_stderr(StringIO()) as err,
-        patch.object(command, "LINE_S", 1e6),  # what is said does not depend on the machine
     ):
         try:
             command.main()

@@ -17,7 +17,6 @@ import crankslider as cs
 from engine_models.engine import FloatArray
 from engine_models.scene.file import load
 from engine_models.scene.library import MECHANISMS
-from engine_models.watch import tell
 from reports.film import LONGEST_ARROW, Stage, film_bytes
 
 #: Drawn is what a double has: the slider's place and gaps are differences of coordinates below 1 m.
@@ -37,7 +36,7 @@ def stage(run: cs.Run, exaggerate: float = 1.0) -> Stage:
 
 
 def film(run: cs.Run, ending: str, exaggerate: float) -> bytes:
-    return film_bytes(run.scene, run.trajectory, exaggerate, ending, tell)
+    return film_bytes(run.scene, run.trajectory, exaggerate, ending)
 
 
 def along(angle_rad: object) -> FloatArray:

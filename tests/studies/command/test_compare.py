@@ -43,7 +43,7 @@ def test_the_page_has_the_recommendation_its_figures_and_its_tables(done: Finish
     assert f"crankslider simulate {folder / 'mine.toml'} {' '.join(SHORT)} --engine reference" in page
     assert done.stdout.splitlines()[-1].strip() in unescape(page)
     files = set(re.findall(r'(?:src|href)="([^"#]+)"', page))
-    assert sum(file.endswith(".svg") for file in files) >= 3
+    assert sum(file.endswith(".svg") for file in files) == 2
     assert [file for file in files if not (folder / file).is_file()] == []
 
 

@@ -63,7 +63,7 @@ def test_the_command_of_every_setting_typed_asks_for_that_setting(monkeypatch: p
 
     @wraps(library.simulate)
     def hear(scene: Any, engine: str, step: str, settings: Any, samples: int, **_: Any) -> NoReturn:
-        made = library.read_engine(engine, settings)
+        made = make_engine(engine, **settings)
         asked.add((scene.name, scene.end_time_s, engine, made, float(step), int(samples)))
         raise Failed("heard")
 
