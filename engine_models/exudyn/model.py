@@ -34,6 +34,7 @@ from reference_solver.mechanism.data import (
     Ends,
     Guide,
     Motion,
+    Motor,
     Pin,
     Point,
     Spring,
@@ -367,6 +368,6 @@ def _numbers(law: loads.Law) -> tuple[float, float, float, float] | None:
             return 0.0, damping, 0.0, 0.0
         case loads.Restoring(stiffness, free):
             return 0.0, 0.0, stiffness, free
-        case loads.Motor(stall, speed):
+        case Motor(stall, speed):
             return stall, stall / speed, 0.0, 0.0
     return None
