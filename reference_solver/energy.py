@@ -4,7 +4,6 @@ Nothing in a run may be wrong by more than order and step explain.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -27,8 +26,8 @@ MARGIN, ROUND_OFF, WITH_CONTACTS = 500.0, 1e-8, 0.1
 #: How far a violation of the constraints may move bodies near a singular position, as a part of the
 #: mechanism's length and of a radian; and how many samples are looked at.
 MOVED, LOOKED_AT = 0.03, 100
-#: What a refusal names: a spring this short, of its free length, and a position of this condition.
-NO_LENGTH, FLAT = 1e-2, 1e6
+#: A position of this condition is named where a run is refused.
+FLAT = 1e6
 
 
 @dataclass(frozen=True)
@@ -49,8 +48,11 @@ def scales_of(
     or swing under gravity or a load's largest force, which are all that there is at an equilibrium, or one
     over the end time.
     """
+    parts = (*mechanism.constraints, *mechanism.loads, *mechanism.contacts)
+    ends = ((p, s) for p in parts if isinstance(p, Ends) for s in "ij" if getattr(p, f"body_{s}") != GROUND)
+    lever = max((float(np.hypot(*getattr(part, f"point_{s}"))) for part, s in ends), default=0.0)
     bearing = max((joint.bearing_radius_m for joint in mechanism.contacts), default=0.0)
-    length = _longest_arm(mechanism) or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
+    length = lever or bearing or float(np.abs(q.reshape(-1, 3)[:, :2]).max()) or 1.0
     swing = np.sqrt(np.hypot(mechanism.gravity_m_s2, mechanism.gravity_x_m_s2) / length)
     swing = max([swing, *(_push(load, mechanism, length, end_time_s) for load in mechanism.forces)])
     drivers = (c for c in mechanism.constraints if isinstance(c, Driver))
@@ -60,12 +62,6 @@ def scales_of(
     if not (np.isfinite(rate) and rate > 0):
         rate = 1.0 / end_time_s if end_time_s > 0 else 1.0
     return Scales(length, float(rate))
-
-
-def _longest_arm(mechanism: Mechanism) -> float:
-    parts = (*mechanism.constraints, *mechanism.loads, *mechanism.contacts)
-    ends = ((p, s) for p in parts if isinstance(p, Ends) for s in "ij" if getattr(p, f"body_{s}") != GROUND)
-    return max((float(np.hypot(*getattr(part, f"point_{s}"))) for part, s in ends), default=0.0)
 
 
 def _push(load: Force | Torque, mechanism: Mechanism, length: float, end_time_s: float) -> float:
@@ -115,85 +111,62 @@ def ledger_J(run: Solution) -> FloatArray:
     return np.asarray(lines - lines[:, :1])
 
 
-@dataclass(frozen=True)
-class Guard:
-    """A run with the mechanism's scales, and its steps: of RK4 by their length, or by their tolerance."""
+def explained(run: Solution, scales: Scales, step_s: float, tolerance: float) -> tuple[float, FloatArray]:
+    """Return the error to be expected of a step, but for a factor, and the angle (s,) turned up to samples.
 
-    run: Solution
-    scales: Scales
-    step_s: float
-    tolerance: float = 0.0
+    The error is the tolerance, or (rate h)^4 of RK4 without one. Motions and loads with knots are at least
+    cut into sixteen steps from one to the next. The rate is the fastest of the start, of bodies, of springs
+    and dampers.
+    """
+    mechanism = run.mechanism
+    least = max([scales.rate_s, *(swing_s(load, mechanism) for load in mechanism.loads)])
+    rates = np.maximum(rate_of(run.v, scales.length_m), least)
+    turns = np.maximum(rates[1:], rates[:-1]) * np.diff(run.time_s)
+    turn = max(float(rates.max() * step_s), 1 / 16 if mechanism.knots_s() else 0.0)
+    return tolerance or turn**RK4.order, np.concatenate([[0.0], np.cumsum(turns)])
 
-    @cached_property
-    def _rates_s(self) -> FloatArray:
-        """The fastest rate (s,) at each sample: of the start, of bodies, of springs and dampers."""
-        mechanism = self.run.mechanism
-        least = max((swing_s(load, mechanism) for load in mechanism.loads), default=0.0)
-        return np.maximum(rate_of(self.run.v, self.scales.length_m), max(least, self.scales.rate_s))
 
-    @property
-    def _turned(self) -> FloatArray:
-        """The angle (s,) turned at these rates."""
-        rates = self._rates_s
-        turns = np.maximum(rates[1:], rates[:-1]) * np.diff(self.run.time_s)
-        return np.concatenate([[0.0], np.cumsum(turns)])
+def check_energy(run: Solution, scales: Scales, step_s: float, tolerance: float = 0.0) -> None:
+    """Hold a run to its ledger.
 
-    @property
-    def _error(self) -> float:
-        """What is to be expected of a step, but for a factor: (rate h)^4 or the tolerance.
+    Raises:
+        EnergyNotConserved: it is off by more than the steps explain.
+    """
+    error, turned = explained(run, scales, step_s, tolerance)
+    part, ledger = MARGIN * error * (1.0 + turned) + ROUND_OFF, ledger_J(run)
+    if run.mechanism.contacts:
+        part = np.maximum(part, WITH_CONTACTS)
+    # To the round-off of the energy of mass, length and rate a mechanism is at rest.
+    own_J = run.mechanism.masses[::3].sum() * (scales.length_m * scales.rate_s) ** 2
+    in_play_J = max(np.abs(ledger).max(), kinetic_J(run.mechanism, run.v).max())
+    created, allowed = np.abs(ledger.sum(axis=0)), part * in_play_J + ROUND_OFF * own_J
+    for k in np.flatnonzero(~(created <= allowed))[:1]:
+        advice = "sharpen the tolerance" if tolerance else "shorten the step, or take a --tolerance"
+        if run.condition > FLAT:
+            near = f"a step came close to a flat position (condition {run.condition:.1e})"
+            advice = f"{near}: end the run before, or {advice}"
+        numbers = {"time_s": run.time_s[k], "created_J": created[k], "allowed_J": allowed[k]}
+        raise EnergyNotConserved(**numbers, advice=advice)
 
-        Motions and loads with knots are at least cut into sixteen steps from one to the next.
-        """
-        turn = float(self._rates_s.max() * self.step_s)
-        if self.run.mechanism.knots_s():
-            turn = max(turn, 1 / 16)
-        return self.tolerance or turn**RK4.order
 
-    def check_energy(self) -> None:
-        """Hold the run to its ledger.
+def check_drift(
+    run: Solution, scales: Scales, step_s: float, tolerance: float, equations: Equations, least: float
+) -> None:
+    """Hold a run without projection to its constraints; ``least`` is its best condition at a sample.
 
-        Raises:
-            EnergyNotConserved: it is off by more than the steps explain.
-        """
-        part = MARGIN * self._error * (1.0 + self._turned) + ROUND_OFF
-        if self.run.mechanism.contacts:
-            part = np.maximum(part, WITH_CONTACTS)
-        # To the round-off of the energy of mass, length and rate a mechanism is at rest.
-        own_J = self.run.mechanism.masses[::3].sum() * (self.scales.length_m * self.scales.rate_s) ** 2
-        in_play_J = max(np.abs(ledger_J(self.run)).max(), kinetic_J(self.run.mechanism, self.run.v).max())
-        created, allowed = np.abs(ledger_J(self.run).sum(axis=0)), part * in_play_J + ROUND_OFF * own_J
-        for k in np.flatnonzero(~(created <= allowed))[:1]:
-            numbers = {"time_s": self.run.time_s[k], "created_J": created[k], "allowed_J": allowed[k]}
-            raise EnergyNotConserved(**numbers, advice=self._advice())
+    At a distance d from a singular position a violation g moves bodies by g/d, and the condition goes with
+    1/d^2. The steps explain no more than a length, however fast what has gone astray turns.
 
-    def _advice(self) -> str:
-        """Return what may help a run that is off: springs without length, and flat positions, are named."""
-        helps = "end the run before" if self.tolerance else "end the run before, or take a --tolerance"
-        for spring in self.run.mechanism.loads:
-            if isinstance(spring, Spring) and spring.free_length_m:
-                length = distance_m(spring, self.run.q)
-                if length.min() < NO_LENGTH * spring.free_length_m:
-                    when = f"has next to no length near t = {self.run.time_s[length.argmin()]:.6g} s"
-                    return f"spring {spring.name} {when}, where its force turns about: {helps}"
-        if self.run.condition > FLAT:
-            return f"a step came close to a flat position (condition {self.run.condition:.1e}): {helps}"
-        return "sharpen the tolerance" if self.tolerance else "shorten the step, or take a --tolerance"
-
-    def check_drift(self, equations: Equations, least: float) -> None:
-        """Hold a run without projection to its constraints; ``least`` is its best condition at a sample.
-
-        At a distance d from a singular position a violation g moves bodies by g/d, and the condition goes
-        with 1/d^2. The steps explain no more than a length, however fast what has gone astray turns.
-
-        Raises:
-            DriftAmplified: that is more than the steps explain.
-        """
-        run, allowed = self.run, MOVED + np.minimum(self._error * (1.0 + self._turned) ** 2, 1.0)
-        near = np.sqrt(run.condition / least) / self.scales.length_m
-        for k in np.unique(np.linspace(0, len(run.q) - 1, LOOKED_AT).astype(int)):
-            moved = near * np.abs(equations.system(float(run.time_s[k]), run.q[k]).g).max(initial=0.0)
-            if not moved <= allowed[k]:
-                raise DriftAmplified(time_s=run.time_s[k], moved=moved, condition=run.condition)
+    Raises:
+        DriftAmplified: that is more than the steps explain.
+    """
+    error, turned = explained(run, scales, step_s, tolerance)
+    allowed = MOVED + np.minimum(error * (1.0 + turned) ** 2, 1.0)
+    near = np.sqrt(run.condition / least) / scales.length_m
+    for k in np.unique(np.linspace(0, len(run.q) - 1, LOOKED_AT).astype(int)):
+        moved = near * np.abs(equations.system(float(run.time_s[k]), run.q[k]).g).max(initial=0.0)
+        if not moved <= allowed[k]:
+            raise DriftAmplified(time_s=run.time_s[k], moved=moved, condition=run.condition)
 
 
 def swing_s(load: Load, mechanism: Mechanism) -> float:

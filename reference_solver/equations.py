@@ -14,7 +14,6 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reference_solver import failures
 from reference_solver.factorisation import Factors, eliminated
@@ -269,20 +268,6 @@ class Equations:
         _, multipliers = factors.solve(np.zeros(self.n), drift)
         return right - feedback, multipliers @ feedback
 
-    def mobilities(self, q: Array) -> list[Scalar]:
-        """Return three mobilities in 1/kg of every contact, (3K,): a speed per unit of its own impulse.
-
-        They are along the normal, of sliding (0 without friction), and of the pin's centre along its wall. A
-        row N of a speed has N x, with x the answer of (2) and (4) to a force N^T alone.
-        """
-        state, B = State(q, np.zeros(self.n)), self.system(0.0, q).B
-        factors, mobilities = self.factors(B), list[Scalar]()
-        for joint in self.mechanism.contacts:
-            at = separation(joint, state)
-            for row in (at.normal, None if joint.friction is None else at.tangent, at.across):
-                mobilities.append(0.0 if row is None else row @ factors.solve(row, np.zeros(len(B)))[0])
-        return mobilities
-
     def required(
         self, t: float, q: FloatArray, v: FloatArray, phases: Phases = None, h: float = 0.0, of: Method = RK4
     ) -> Answer:
@@ -317,9 +302,13 @@ class Equations:
         if (reason := light(self.mechanism.bodies)) is not None:
             raise failures.TooLight(reason)
         values, shares = row_dependence(self.system(0.0, q).B, self.inverse_mass, tolerance)
-        rank, names = int((values > tolerance).sum()), self._names_of(shares > INVOLVED)
+        rank, rows = int((values > tolerance).sum()), shares > INVOLVED
+        own = enumerate(row_slices(self.mechanism.constraints, self.n))
+        names = [self.mechanism.name_of(k) for k, part in own if rows[part].any()]
+        walls = zip(self.following, rows[self.own_rows :], strict=True)
+        joints = *dict.fromkeys(names), *(f"the wall of contact {k}" for k, there in walls if there)
         raise failures.SingularConfiguration(
-            rank=rank, rows=len(self.C), time_s=t, joints=names, names=failures.listed(names)
+            rank=rank, rows=len(self.C), time_s=t, joints=joints, names=failures.listed(joints)
         )
 
     def limit_s(self, times_s: FloatArray, q: FloatArray, taken: int) -> float | None:
@@ -349,13 +338,6 @@ class Equations:
             else:
                 step /= 2
         return None
-
-    def _names_of(self, rows: NDArray[np.bool_]) -> tuple[str, ...]:
-        """Return the names of the constraints that have some of these rows, (m,)."""
-        own = enumerate(row_slices(self.mechanism.constraints, self.n))
-        found = [self.mechanism.name_of(k) for k, part in own if rows[part].any()]
-        walls = zip(self.following, rows[self.own_rows :], strict=True)
-        return *dict.fromkeys(found), *(f"the wall of contact {k}" for k, there in walls if there)
 
     def project(
         self, t: Scalar, q: Array, v: Array, phases: Phases = None

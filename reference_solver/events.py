@@ -230,9 +230,6 @@ def cut(run, rows, contacts, method, step, releasing):
     return step, event, place
 
 
-# ------------------------------------------------------------------------------------- compliant walls
-
-
 @inner
 def note(run, rows, contacts, event):
     """Change a compliant contact's phase at an event and write the event into the log."""

@@ -39,12 +39,10 @@ from typing import Any
 
 import numpy as np
 
-from reference_solver.equations import LEAST_MOBILITY, Answer, Equations
+from reference_solver.equations import LEAST_MOBILITY
 from reference_solver.machine_code import Function, call, entry, inner
-from reference_solver.mechanism.contacts import CONTACT, FLIGHT, FRICTION_LAWS, separation
-from reference_solver.mechanism.points import State
+from reference_solver.mechanism.contacts import CONTACT, FLIGHT
 from reference_solver.run import CLOSING, DENSE, IMPACT, LOG_ROWS, OLD, RECORDS, SPARE, SUPPORT
-from reference_solver.tape import Array, Scalar, array
 
 #: Flights that are as high as so many times the distance's round-off take sqrt(2 x 4 x height/a).
 FLIGHT_HEIGHT = 8.0
@@ -63,37 +61,8 @@ SLIDES = (0.0, -1.0, 1.0)
 OFF, EQUAL, ONE_SIDED = 0.0, 1.0, 2.0
 #: Why an event has no answer (see ``Solver``).
 SINGULAR, BLOCKED, PARADOX, UNSETTLED = 1, 2, 3, 4
-#: Numbers of every joint in ``walls_at``, a row for velocities before an impact, and those of an event.
+#: Numbers of every joint in ``kernel.walls``, a row for velocities before an impact, and those of an event.
 PER_JOINT, BEGIN, ROOM = 6, DENSE, DENSE + 1
-
-
-def walls_at(equations: Equations, answer: Answer, t: Scalar, q: Array, v: Array) -> list[Scalar]:
-    """Return how pins of R joints with rigid walls answer to impulses and forces, no pin following.
-
-    Of every joint there are distance and round-off (see ``Separation``), the mobility along the normal that
-    free bodies would have, in 1/kg, friction as a part of the normal force, and the inward acceleration. They
-    push along S rows D of {q'}: of every joint the inward normal speed, then of those with friction the
-    tangential one. There are the speeds (S,), W (S, S), which are speeds per unit of each impulse, {q'} per
-    unit of each (S, n), and the work of the drivers (S,). ``answer`` is that of the equations at the state.
-    """
-    state, system = State(q, v), equations.system(t, q, v)
-    joints = [joint for joint in equations.mechanism.contacts if joint.rigid]
-    at = [separation(joint, state) for joint in joints]
-    tangents = [each.tangent for each, joint in zip(at, joints, strict=True) if joint.friction is not None]
-    D = array([*(-each.normal for each in at), *tangents])
-    motion, reactions = equations.factors(system.B).solve(D.T, np.zeros((len(system.C), len(D))))
-    W, numbers = D @ motion, list[list[Scalar]]()
-    for each, joint, row in zip(at, joints, D, strict=False):
-        bare, law = (row * row) @ equations.inverse_mass, joint.friction
-        sliding = each.tangent @ v
-        share = 0.0 if law is None else law.coefficient * FRICTION_LAWS[law.law](law, sliding)
-        pull = row @ answer.accelerations - each.turning
-        numbers.append([each.distance, each.noise, each.rate_noise, bare, share, pull])
-    speeds = array([*(-each.rate for each in at), *(tangent @ v for tangent in tangents)])
-    parts = array(numbers), speeds, 0.5 * (W + W.T), motion.T, reactions.T @ system.C
-    return [x for part in parts for x in np.asarray(part).ravel()]
-
-
 #: An event's run, contacts and rows; speeds u (S,) and W (S, S); the equations (S, S + 4), their right-hand
 #: side and solution, and impulses without friction.
 Event = namedtuple("Event", "run contacts rows u W A b z plain")
@@ -137,9 +106,6 @@ def energy(event):
     for i in range(len(event.z)):
         total += 0.5 * event.z[i] * (event.u[i] + speed(event, event.u, i))
     return total
-
-
-# ------------------------------------------------------------------------------------ complementarity
 
 
 @inner
@@ -201,9 +167,6 @@ def solve(event, kind):
         if contact.chosen != 0.0 and contact.part != 0.0:
             z[contact.tangent] = contact.part * z[contact.joint]
     return i == S
-
-
-# ------------------------------------------------------------------------------------------ one impact
 
 
 @inner

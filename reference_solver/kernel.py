@@ -14,14 +14,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache, cached_property, partial
 from itertools import count
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from reference_solver.equations import Answer, Baumgarte, Equations
-from reference_solver.impacts import resolver, walls_at
+from reference_solver.impacts import resolver
 from reference_solver.machine_code import HEAD, Function, FunctionText, compile_text, parameters_text
-from reference_solver.mechanism.contacts import WRITTEN_OUT, gap
+from reference_solver.mechanism.contacts import FRICTION_LAWS, WRITTEN_OUT, gap, separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.motions import PiecewiseCubic, PlacedTable
 from reference_solver.mechanism.points import State
@@ -29,22 +29,20 @@ from reference_solver.methods import RK4, Method, step
 from reference_solver.run import CONTACT_RECORD, GAP_FIELDS, Run
 from reference_solver.tape import Array, FloatArray, Node, Scalar, Tape, array, both, choose
 
-T = TypeVar("T")
-
 
 def lifted(
-    data: T,
+    data: Any,
     number: Callable[[float], Any],
     placed: Callable[[PiecewiseCubic], PlacedTable] = PiecewiseCubic.placed,
     written_out: tuple[float, ...] = (),
-) -> T:
+) -> Any:
     """Return dataclasses and tuples with every number replaced, in order; zeros and ``written_out`` stay.
 
     What equals zero is structure: a point at the centre of mass, a law without damping. Of a table, of which
     a kernel has no input for each number, those of its place are replaced, as ``placed`` gives it. Fields
     that do not count where two are compared, such as names, are left as they are.
     """
-    new: Any = data
+    new = data
     if isinstance(data, float):
         new = 0.0 if data == 0 else data if data in written_out else number(data)
     elif isinstance(data, tuple):
@@ -58,7 +56,7 @@ def lifted(
                 kept = field.metadata.get(WRITTEN_OUT, ())
                 value = lifted(getattr(data, field.name), number, placed, kept)
                 object.__setattr__(new, field.name, value)  # the copy of frozen data
-    return new  # type: ignore[no-any-return]
+    return new
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ class Topology:
         return replace(self, mechanism=mechanism, baumgarte=baumgarte)
 
     def numbers(self) -> tuple[list[float], list[float]]:
-        """Return the mechanism's numbers in the order of ``equations_on``, and those of its tables."""
+        """Return the mechanism's numbers in the order of ``given_on``, and those of its tables."""
         numbers, of_tables = list[float](), list[float]()
 
         def place(table: PiecewiseCubic) -> PlacedTable:
@@ -95,17 +93,6 @@ class Topology:
 
         lifted((self.mechanism, self.baumgarte), numbers.append, place)
         return numbers, of_tables
-
-    def equations_on(self, tape: Tape) -> Equations:
-        """Return the equations on a tape, with the raw numbers as inputs that are known before a run."""
-        places = count()
-
-        def number(_: float) -> Scalar:
-            return tape.input("raw", next(places), known=True)
-
-        mechanism, baumgarte = lifted((self.mechanism, self.baumgarte), number)
-        q_start = np.array([number(0.0) for _ in range(self.n)], dtype=object)
-        return Equations(mechanism, q_start, baumgarte, self.following)
 
 
 @dataclass(frozen=True)
@@ -130,17 +117,13 @@ class Given:
         return self.equations.answer(self.t, self.q, self.v, self.phases)
 
 
-# ------------------------------------------------------- functions: what they store, and the condition
-
-
 def rates(given: Given) -> list[Scalar]:
-    """Rates of q, q' and the sums (2n + s,), and the rate of the damper that friction of pins is.
+    """Rates of q, q' and the sums (2n + s,).
 
     A projection acts between steps: the rate of what it removes is zero.
     """
     answer = given.answer
-    slopes = [*given.v, *answer.accelerations, *answer.powers.values(), answer.removed_W]
-    return [*slopes, answer.damper_per_s, answer.condition]
+    return [*given.v, *answer.accelerations, *answer.powers.values(), answer.removed_W, answer.condition]
 
 
 def forces(given: Given) -> list[Scalar]:
@@ -171,19 +154,51 @@ def gaps(given: Given) -> list[Scalar]:
     for k, joint in enumerate(given.equations.mechanism.contacts):
         phase, memory = given.phases[k]
         pressing = powers.get(f"normal{k}", 0.0)
-        fields += gap(joint, phase, memory, State(given.q, given.v), pressing).values()
+        fields += gap(joint, phase, memory, State(given.q, given.v), pressing)
     return [*fields, condition]
 
 
 def mobilities(given: Given) -> list[Scalar]:
-    """Three mobilities of every contact (see ``Equations.mobilities``)."""
-    return [*given.equations.mobilities(given.q), 1.0]
+    """Three mobilities in 1/kg of every contact, (3K,): a speed per unit of its own impulse.
+
+    They are along the normal, of sliding (0 without friction), and of the pin's centre along its wall. A row
+    N of a speed has N x, with x the answer of (2) and (4) to a force N^T alone.
+    """
+    state, B = State(given.q, np.zeros(len(given.q))), given.equations.system(0.0, given.q).B
+    factors, mobilities = given.equations.factors(B), list[Scalar]()
+    for joint in given.equations.mechanism.contacts:
+        at = separation(joint, state)
+        for row in (at.normal, None if joint.friction is None else at.tangent, at.across):
+            mobilities.append(0.0 if row is None else row @ factors.solve(row, np.zeros(len(B)))[0])
+    return [*mobilities, 1.0]
 
 
 def walls(given: Given) -> list[Scalar]:
-    """What rigid walls have to know (see ``impacts.walls_at``)."""
-    walls = walls_at(given.equations, given.answer, given.t, given.q, given.v)
-    return [*walls, given.answer.condition]
+    """How pins of R joints with rigid walls answer to impulses and forces, no pin following.
+
+    Of every joint there are distance and round-off (see ``Separation``), the mobility along the normal that
+    free bodies would have, in 1/kg, friction as a part of the normal force, and the inward acceleration. They
+    push along S rows D of {q'}: of every joint the inward normal speed, then of those with friction the
+    tangential one. There are the speeds (S,), W (S, S), which are speeds per unit of each impulse, {q'} per
+    unit of each (S, n), and the work of the drivers (S,).
+    """
+    equations, answer, v = given.equations, given.answer, given.v
+    state, system = State(given.q, v), equations.system(given.t, given.q, v)
+    joints = [joint for joint in equations.mechanism.contacts if joint.rigid]
+    at = [separation(joint, state) for joint in joints]
+    tangents = [each.tangent for each, joint in zip(at, joints, strict=True) if joint.friction is not None]
+    D = array([*(-each.normal for each in at), *tangents])
+    motion, reactions = equations.factors(system.B).solve(D.T, np.zeros((len(system.C), len(D))))
+    W, numbers = D @ motion, list[list[Scalar]]()
+    for each, joint, row in zip(at, joints, D, strict=False):
+        bare, law = (row * row) @ equations.inverse_mass, joint.friction
+        sliding = each.tangent @ v
+        share = 0.0 if law is None else law.coefficient * FRICTION_LAWS[law.law](law, sliding)
+        pull = row @ answer.accelerations - each.turning
+        numbers.append([each.distance, each.noise, each.rate_noise, bare, share, pull])
+    speeds = array([*(-each.rate for each in at), *(tangent @ v for tangent in tangents)])
+    parts = array(numbers), speeds, 0.5 * (W + W.T), motion.T, reactions.T @ system.C
+    return [*(x for part in parts for x in np.asarray(part).ravel()), answer.condition]
 
 
 def stepped(given: Given) -> list[Scalar]:
@@ -199,48 +214,41 @@ def stepped(given: Given) -> list[Scalar]:
 
 
 #: The functions of a kernel by their names.
-FUNCTIONS: dict[str, Callable[[Given], list[Scalar]]] = {
-    **{function.__name__: function for function in (rates, forces, project, gaps, mobilities, walls)},
-    "step": stepped,
-}
-
-
-@dataclass(frozen=True)
-class Program:
-    """The text of a kernel's functions, and how many numbers p has, the known nodes that they load."""
-
-    text: str
-    names: tuple[str, ...]
-    size: int
-
-    @cached_property
-    def functions(self) -> dict[str, Function]:
-        """The functions, compiled."""
-        return compile_text(self.text, self.names)
+FUNCTIONS = {f.__name__: f for f in (rates, forces, project, gaps, mobilities, walls, stepped)}
 
 
 @cache
-def program_of(topology: Topology) -> Program:
-    """Return the program of a marked topology; it has ``step`` if the method has no steps of its own."""
+def program_of(topology: Topology) -> tuple[str, dict[str, Function], int]:
+    """Return the text of a marked topology's functions, these, and how many numbers p has.
+
+    There is ``stepped`` if the method has no steps of its own. The numbers are known nodes that are loaded.
+    """
     texts, parameters = list[str](), dict[Node, int]()
     names = [*FUNCTIONS]
     if topology.method.estimates:
-        names.remove("step")
+        names.remove("stepped")
     if topology.following or not any(joint.rigid for joint in topology.mechanism.contacts):
         names.remove("walls")
     for name in names:
         given = given_on(tape := Tape(), topology)
         texts.append(FunctionText(name, tape, FUNCTIONS[name](given), parameters).text)
-    texts.append(parameters_text(parameters))
-    return Program(HEAD + "".join(texts), (*names, "parameters"), len(parameters))
+    text = HEAD + "".join([*texts, parameters_text(parameters)])
+    return text, compile_text(text, [*names, "parameters"]), len(parameters)
 
 
 def given_on(tape: Tape, topology: Topology) -> Given:
-    """Return a topology's equations and a state on a tape."""
+    """Return a topology's equations and a state on a tape; raw numbers are inputs known before a run."""
+    places = count()
+
+    def number(_: float) -> Scalar:
+        return tape.input("raw", next(places), known=True)
+
     n, contacts, fields = topology.n, topology.mechanism.contacts, CONTACT_RECORD.itemsize // 8
     of_contacts = (tape.inputs("contacts", fields * k, 2) for k in range(len(contacts)))  # the first fields
     phases = [[0.0, 0.0] if joint.rigid else of for joint, of in zip(contacts, of_contacts, strict=True)]
-    equations = topology.equations_on(tape)
+    mechanism, baumgarte = lifted((topology.mechanism, topology.baumgarte), number)
+    q_start = np.array([number(0.0) for _ in range(n)], dtype=object)
+    equations = Equations(mechanism, q_start, baumgarte, topology.following)
     h = 2 * n + len(equations.power_names) + 1 + GAP_FIELDS * len(contacts)
     q, v, lost = tape.inputs("y", 0, n), tape.inputs("y", n, n), tape.inputs("y", h + 1, 2 * n)
     return Given(topology, equations, tape.input("t"), q, v, array(phases), tape.input("y", h), lost)
@@ -253,10 +261,9 @@ class Kernel:
     """
 
     def __init__(self, topology: Topology, q_start: FloatArray) -> None:
-        self.topology, program = topology, program_of(topology.marked())
-        self.functions = program.functions
+        _, self.functions, size = program_of(topology.marked())
         own, of_tables = topology.numbers()
-        self._numbers = np.array([*of_tables, *np.zeros(program.size)])
+        self._numbers = np.array([*of_tables, *np.zeros(size)])
         self.p = self._numbers.ctypes.data + 8 * len(of_tables)
         raw = np.array([*own, *q_start])  # of a singular mechanism infinite numbers come, found in the run
         self.functions["parameters"](0, 0, 0.0, raw, self._numbers[len(of_tables) :])
@@ -267,4 +274,4 @@ class Kernel:
         if "walls" in self.functions:
             run.state["walls_p"], run.state["resolve"] = self.p, resolver().address
         for name in FUNCTIONS.keys() & self.functions.keys():
-            run.state["step_function" if name == "step" else name] = self.functions[name].address
+            run.state[name] = self.functions[name].address

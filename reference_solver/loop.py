@@ -102,9 +102,6 @@ def write_within(run, rows, contacts, method, times, samples, step):
     return ok
 
 
-# -------------------------------------------------------------------------------------------- the loop
-
-
 @inner
 def resolve(run, state, contacts, k):
     """Resolve an event on contact k's rigid wall, -1 at the start; return whether the same pins follow."""

@@ -74,7 +74,8 @@ class FunctionText:
         self._write(tape.scopes[0])
         *stored, condition = results
         for place, value in enumerate(stored):
-            self._store(value, "%out", place)
+            text = self._text(value)
+            self._lines.append(f"store double {text}, ptr {self._at('%out', place)}")
         self._lines.append(f"ret double {self._text(condition)}")
         lines = "\n  ".join([*self._reserved, *self._lines])
         self.text = f"define double @{name}({ARGUMENTS}, ptr noalias %out) {{\nentry:\n  {lines}\n}}\n"
@@ -87,10 +88,6 @@ class FunctionText:
 
     def _load(self, array: str, place: int) -> str:
         return self._line(f"load double, ptr {self._at(array, place)}")
-
-    def _store(self, value: Scalar, array: str, place: int) -> None:
-        text = self._text(value)
-        self._lines.append(f"store double {text}, ptr {self._at(array, place)}")
 
     def _at(self, array: str, place: int) -> str:
         return self._line(f"getelementptr double, ptr {array}, i64 {place}") if place else array
@@ -136,7 +133,7 @@ class FunctionText:
 
     def _write(self, scope: Scope) -> None:
         """Write what is needed of a scope in the order in which it arose."""
-        for node in scope.nodes:
+        for node in scope.values():
             if node not in self._needed or node.known or node.operation in ("input", "result"):
                 continue
             if node.operation == "branch":
@@ -243,9 +240,6 @@ def compile_text(
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return {name: Function(engine.get_function_address(name), engine) for name in names}
-
-
-# --------------------------------------------------------------------- functions that Numba compiles
 
 
 def inner(function: F) -> F:

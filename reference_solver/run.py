@@ -52,13 +52,13 @@ class Gap(NamedTuple):
 GAP_FIELDS = len(Gap._fields)
 
 #: A contact. Its state: phase and memory (see ``mechanism.contacts``), the time of its touch, the
-#: duration expected then, and ``Equations.mobilities`` (``following``: along its wall). Its law: clearance,
+#: duration expected then, and ``kernel.mobilities`` (``following``: along its wall). Its law: clearance,
 #: stiffness, exponent, damping factor, minimum impact speed, steepest slope of friction in s/m, whether the
 #: force is clipped, restitution, coefficient of friction. Of a rigid wall: that it is one, the round-off of g
 #: and of its rate, and that it takes no part in a step. Since its touch: the largest normal force in N and
 #: penetration, and their times; at the touch: rate of g, impulse and losses by then. Of a rigid wall at an
 #: event: see ``impacts``. Then the columns of its impulse in the sums, of its losses behind it how many, its
-#: number, and its row and that of its tangent, or -1, in ``impacts.walls_at``.
+#: number, and its row and that of its tangent, or -1, in ``kernel.walls``.
 CONTACT_RECORD = np.dtype(
     record(
         "phase memory began_s duration_s mobility sliding following clearance stiffness exponent factor "
@@ -85,7 +85,7 @@ EVENT_RECORD = np.dtype(record(OF_EVENT, "contact what"))
 #: sample, and worst and least of the step tried last, with its length; how far a sample may be past a step's
 #: end; and flights between rigid walls that are not followed: shorter than so many seconds, or no higher than
 #: so many times the distance's round-off; and the time of the last event on them. In integers: coordinates,
-#: numbers in y, rigid joints and rows of ``impacts.walls_at``; whether steps go by their error, events are
+#: numbers in y, rigid joints and rows of ``kernel.walls``; whether steps go by their error, events are
 #: located, slopes at both ends of a step are known, and a call goes on where the last one ended; steps, their
 #: limit, samples and events so far, steps landed on when all are of one length, rejections in a row, the
 #: contact that has just begun or -1, the one of the last event on a rigid wall or -1; such events so far and
@@ -100,7 +100,7 @@ RUN_RECORD = np.dtype(
             "n size rigid_joints wall_rows controlled located known resumed steps budget taken logged landed "
             "rejected fresh wall settled at_once fault "
             "p contacts at width samples sample_width place_of_h whole "
-            "rates forces project gaps mobilities walls walls_p resolve step_function",
+            "rates forces project gaps mobilities walls walls_p resolve stepped",
         ),
         ("events", EVENT_RECORD, LOG_ROWS),
     ]
@@ -226,7 +226,7 @@ def new_run(
             contact["factor"], contact["clipped"] = law.damping_factor, law.clipped
         contact["column"] = sums.index(f"normal{k}")
         contact["losses"] = sum(name in sums for name in (f"loss{k}", f"clip{k}", f"slide{k}"))
-    of_walls = 6 * len(rigid) + wall_rows * (n + wall_rows + 2)  # see ``impacts.walls_at``
+    of_walls = 6 * len(rigid) + wall_rows * (n + wall_rows + 2)  # see ``kernel.walls``
     height = max(SLOPES + MOST_SLOPES, DENSE + wall_rows + 2)  # see ``impacts.resolve``
     rows = np.zeros((height, max(size + gaps + 1 + 2 * n, 3 * K, of_walls)))
     state = np.zeros(1, RUN_RECORD)
@@ -300,10 +300,8 @@ class Solution:
     @property
     def gap_m(self) -> FloatArray:
         """Return d, from bearing centre to pin centre, (s, K, 2)."""
-        gaps = np.empty((len(self.q), len(self.mechanism.contacts), 2))
-        for k, joint in enumerate(self.mechanism.contacts):
-            gaps[:, k] = apart_m(joint, self.q)
-        return gaps
+        gaps = [apart_m(joint, self.q) for joint in self.mechanism.contacts]
+        return np.asarray(np.reshape(gaps, (-1, len(self.q), 2)).swapaxes(0, 1))
 
     def losses_J(self) -> FloatArray:
         """Return the energy that all contacts have dissipated, (s,)."""

@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 
 from reference_solver import failures
-from reference_solver.energy import FLAT, Guard, Scales, scales_of
+from reference_solver.energy import FLAT, Scales, check_drift, check_energy, scales_of
 from reference_solver.equations import Baumgarte, Equations
-from reference_solver.impacts import BLOCKED, PARADOX, SINGULAR, UNSETTLED
+from reference_solver.impacts import BLOCKED, PARADOX, SINGULAR
 from reference_solver.kernel import Kernel, Topology
 from reference_solver.loop import DONE, FAILED, FULL, SPENT, WALL, loop_of
 from reference_solver.mechanism.contacts import separation
@@ -208,24 +208,21 @@ class Solver:
             raise failures.NonFiniteState(time_s=end_time_s)
         solution = solution_of(run, self._mechanism, self._names, np.concatenate(events), changes, took)
         scales = Scales(float(state["length"]), float(state["rate"]))
-        guard = Guard(solution, scales, float(state["longest"]), float(state["tolerance"]))
-        guard.check_energy()
+        sizes = scales, float(state["longest"]), float(state["tolerance"])
+        check_energy(solution, *sizes)
         if not self._projected:
-            guard.check_drift(self._equations, float(state["least"]))
+            check_drift(solution, *sizes, self._equations, float(state["least"]))
         return solution
 
     def _refuse_event(self, run: Run) -> None:
         """Say why an event on a rigid wall has no answer, if it has none."""
-        fault, t = int(run.state["fault"][0]), float(run.state["time"][0])
+        fault, t, wall = (run.state[name][0].item() for name in ("fault", "time", "wall"))
         if fault == SINGULAR:
             self._equations.refuse_singular(t, run.q)
-        if fault == BLOCKED:
-            raise failures.BlockedImpact(time_s=t)
-        if fault == PARADOX:
-            joints = failures.listed([str(k) for k in np.flatnonzero(run.contacts["coefficient"])])
-            raise failures.PainleveParadox(time_s=t, joints=joints)
-        if fault == UNSETTLED:
-            raise failures.UnsettledEvents(time_s=t, joint=int(run.state["wall"][0]))
+        joints = failures.listed([str(k) for k in np.flatnonzero(run.contacts["coefficient"])])
+        kinds = {BLOCKED: failures.BlockedImpact, PARADOX: failures.PainleveParadox}
+        if fault != 0:
+            raise kinds.get(fault, failures.UnsettledEvents)(time_s=t, joints=joints, joint=wall)
 
     def _refuse(self, following: tuple[int, ...], run: Run) -> None:
         """Say why the step tried last could not be taken, by the equations in numbers."""

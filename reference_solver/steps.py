@@ -49,9 +49,6 @@ class Step(NamedTuple):
     end: float
 
 
-# --------------------------------------------------------------------------------- calls of the kernel
-
-
 @inner
 def set_slopes(run, t, of, row):
     """Set a row to the slopes at a row's state; return the condition."""
@@ -109,9 +106,6 @@ def set_within(run, rows, h, x, t):
     set_gaps(run, t + x * h, AT)
 
 
-# ------------------------------------------------------------------------------------ time over a step
-
-
 @inner
 def time_at(step, s):
     """Return the time at s, and its rate."""
@@ -165,9 +159,6 @@ def in_s(run, contacts, rows, h):
             rest = max(left - h, LEFT * LEFT * left)
             return Step(t + left, -1.0, begin, np.sqrt(rest) - begin, t + left - rest), -1
     return Step(t, 0.0, 0.0, h, t + h), -1
-
-
-# --------------------------------------------------------------------------------------- the next step
 
 
 @inner
@@ -224,15 +215,15 @@ def graded_step(run, rows, contacts):
 
 
 @inner
-def to_knot(run, rows, knots, h, curved):
+def to_knot(run, rows, knots, h):
     """Return a step, h at most, that ends near the next knot of a load by a body's angle, if it gets there.
 
-    It goes by the body's speed, and ``curved`` times its acceleration at the step's start, if that is known.
-    What is left of the knot in the step after it is of the fourth power of the distance.
+    It goes by the body's speed, and its acceleration at the step's start, if that is known. What is left of
+    the knot in the step after it is of the fourth power of the distance.
     """
     for k in range(len(knots)):
         c, ahead = knots[k].coordinate, knots[k].period
-        angle, speed, gain = rows[OLD, c], rows[OLD, run.n + c], curved * rows[START, run.n + c]
+        angle, speed, gain = rows[OLD, c], rows[OLD, run.n + c], run.controlled * rows[START, run.n + c]
         if speed < 0.0:
             ahead, speed, gain = (angle - knots[k].angle) % ahead, -speed, -gain
         else:
@@ -250,16 +241,7 @@ def propose(run, rows, contacts, method, knots):
     do so again by steps that are not much shorter: the next multiple may be a singular position.
     """
     t, h, landing, releasing = run.time, run.longest, run.end, -1
-    step = Step(t, 0.0, 0.0, h, t + h)
-    if method is not None:
-        h = min(run.step, h)
-        if knots is not None:
-            h = to_knot(run, rows, knots, h, 1.0)
-        step = Step(t, 0.0, 0.0, h, t + h)
-        if contacts is not None:
-            h = in_flight(run, rows, contacts, OLD, h, CONTROLLED_FLIGHT_PART)
-            step, releasing = in_s(run, contacts, rows, h)
-    else:
+    if method is None:
         if run.located == 0:
             while (run.landed + 1) * h <= t + run.slack:
                 run.landed += 1
@@ -271,11 +253,15 @@ def propose(run, rows, contacts, method, knots):
                 landing = run.end
         elif contacts is not None:
             h = graded_step(run, rows, contacts)
-        if knots is not None:
-            h = to_knot(run, rows, knots, h, 0.0)
-        if run.rejected != 0:
-            h = min(h, run.step)
-        step = Step(t, 0.0, 0.0, h, t + h)
+    if knots is not None:
+        h = to_knot(run, rows, knots, h)
+    if run.controlled != 0 or run.rejected != 0:
+        h = min(h, run.step)
+    step = Step(t, 0.0, 0.0, h, t + h)
+    if method is not None:
+        if contacts is not None:
+            h = in_flight(run, rows, contacts, OLD, h, CONTROLLED_FLIGHT_PART)
+            step, releasing = in_s(run, contacts, rows, h)
     end = step.end
     if end >= landing - 1e-6 * (end - t):
         end, releasing = landing, -1
@@ -298,9 +284,6 @@ def changed(run, method, error):
         return most
     factor = SAFETY * error ** (0.2 * BETA - method[0].exponent) * run.error**BETA
     return min(most, max(LEAST, factor))
-
-
-# ---------------------------------------------------------------------------------------------- a step
 
 
 @inner
@@ -378,7 +361,7 @@ def attempt(run, rows, contacts, method, step, most):
     if method is None:
         run.known, old[run.place_of_h] = 0, step.H
         state = run.at + OLD * run.width
-        run.worst = call(run.step_function, run.p, run.contacts, run.time, state, run.at + NEW * run.width)
+        run.worst = call(run.stepped, run.p, run.contacts, run.time, state, run.at + NEW * run.width)
         total = 0.0
         for c in range(size):
             new[c] += old[c] if c >= 2 * run.n else 0.0

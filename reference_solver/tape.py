@@ -13,7 +13,7 @@ a mechanism, and are an array to the code (see ``machine_code``).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -41,19 +41,15 @@ class Node:
     known: bool = False
 
 
-@dataclass
-class Scope:
-    """The lines of a function or of a branch: nodes in the order in which they arose."""
-
-    nodes: list[Node] = field(default_factory=list)
-    by_key: dict[tuple[Any, ...], Node] = field(default_factory=dict)
+#: The lines of a function or of a branch: nodes in the order in which they arose, by what tells them apart.
+Scope = dict[tuple[Any, ...], Node]
 
 
 class Tape:
     """Keeps the operations of one function."""
 
     def __init__(self) -> None:
-        self.scopes = [Scope()]
+        self.scopes: list[Scope] = [{}]
         #: All nodes as they arose: whatever a node needs comes before it.
         self.nodes: list[Node] = []
 
@@ -78,10 +74,10 @@ class Tape:
 
     def branch(self, condition: Value, body: Callable[[], tuple[Scalar, ...]]) -> tuple[Scalar, ...]:
         """Return what ``body`` returns where the condition holds, zeros elsewhere."""
-        self.scopes.append(Scope())
+        self.scopes.append({})
         outputs = body()
         node = Node("branch", (condition, outputs, self.scopes.pop()))
-        self.scopes[-1].nodes.append(node)
+        self.scopes[-1]["branch", id(node)] = node
         self.nodes.append(node)
         results = [Value(self, self._node("result", (node, k), False)) for k in range(len(outputs))]
         return tuple(0.0 if _is(x, 0.0) else result for x, result in zip(outputs, results, strict=True))
@@ -90,10 +86,9 @@ class Tape:
         marks = [_mark(operand) for operand in operands]
         key = (operation, *(sorted(marks) if operation in "+*" else marks))
         for scope in self.scopes:
-            if key in scope.by_key:
-                return scope.by_key[key]
-        node = self.scopes[-1].by_key[key] = Node(operation, operands, known)
-        self.scopes[-1].nodes.append(node)
+            if key in scope:
+                return scope[key]
+        node = self.scopes[-1][key] = Node(operation, operands, known)
         self.nodes.append(node)
         return node
 
@@ -182,9 +177,6 @@ def _mark(operand: Any) -> str:
     if isinstance(operand, Value):
         return f"{'-' if operand.minus else ''}{id(operand.node)}"
     return f"node {id(operand)}" if isinstance(operand, Node) else repr(operand)
-
-
-# ------------------------------------------------------------------ functions of numbers and of values
 
 
 def array(elements: Any) -> Array:

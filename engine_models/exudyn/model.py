@@ -33,6 +33,7 @@ from reference_solver.mechanism.data import (
     Ends,
     Guide,
     Motion,
+    Motor,
     Pin,
     Point,
     Spring,
@@ -43,7 +44,6 @@ from reference_solver.mechanism.loads import (
     Damping,
     Force,
     Law,
-    Motor,
     Restoring,
     Torque,
 )

@@ -13,7 +13,7 @@ import numpy as np
 from reference_solver.failures import listed
 from reference_solver.mechanism import constraints
 from reference_solver.mechanism.data import GROUND, ConstantSpeed, Guide, Line, MechanismData, Pin
-from reference_solver.mechanism.mechanism import Mechanism, along, light, mechanism_of
+from reference_solver.mechanism.mechanism import along, light, mechanism_of
 from reference_solver.mechanism.points import State, line_at
 from reference_solver.tape import FloatArray
 
@@ -57,45 +57,37 @@ class NotAssembled(ValueError):
     """There is no such start; the message says of which entry what was expected, and what came."""
 
 
-def rows_named(mechanism: Mechanism) -> list[tuple[str, str]]:
-    """Return the name of the joint of every row with the unit of its gap, (m,)."""
-    rows = list[tuple[str, str]]()
-    for k, part in enumerate(constraints.row_slices(mechanism.constraints, 3 * len(mechanism.bodies))):
-        constraint = mechanism.constraints[k]
-        units = ["rad" if isinstance(constraint, constraints.PrescribedMotion) else "m", "m"]
-        units[1] = "rad" if isinstance(constraint, Guide) else "m"
-        rows += [(mechanism.name_of(k), unit) for unit in units[: part.stop - part.start]]
-    return rows
-
-
 class Joints:
-    """The rows of a mechanism's joints, taken as ideal, with their names; angles are measured from 0."""
+    """The rows of a mechanism's joints, taken as ideal; angles are measured from 0.
+
+    ``rows`` are the name of the joint of every row and the unit of its gap, (m,).
+    """
 
     def __init__(self, of: MechanismData, driven: bool = False) -> None:
         pins = tuple(replace(pin, clearance=None) for pin in of.pins)
         drive = of.drive if driven else replace(of.drive, law=None)
         mechanism = mechanism_of(MechanismData(of.bodies, pins, of.guides, drive=drive))
         self.data, self.n, self._still = of, 3 * len(of.bodies), np.zeros(3 * len(of.bodies))
-        self._constraints, self.rows = mechanism.constraints, rows_named(mechanism)
-        self.inverse_mass = 1.0 / mechanism.masses
-
-    def _system(self, q: FloatArray) -> constraints.System:
-        return constraints.system_of(self._constraints, State(q, self._still), self._still)
+        self.constraints, self.inverse_mass = mechanism.constraints, 1.0 / mechanism.masses
+        self.rows = list[tuple[str, str]]()
+        for k, part in enumerate(constraints.row_slices(self.constraints, self.n)):
+            first = "rad" if isinstance(self.constraints[k], constraints.PrescribedMotion) else "m"
+            units = first, "rad" if isinstance(self.constraints[k], Guide) else "m"
+            self.rows += [(mechanism.name_of(k), unit) for unit in units[: part.stop - part.start]]
 
     def gaps(self, q: FloatArray) -> FloatArray:
         """Return how far the rows are open, in m and rad, (m,)."""
-        return np.asarray(self._system(q).g, float)
+        return np.asarray(constraints.system_of(self.constraints, State(q, q), self._still).g, float)
 
     def matrix(self, q: FloatArray) -> FloatArray:
         """Return [B] (m, n)."""
-        return np.asarray(self._system(q).B, float)
+        return np.asarray(constraints.system_of(self.constraints, State(q, q), self._still).B, float)
 
     def told_rows(self, q: FloatArray, told: Iterable[Quantity]) -> FloatArray:
         """Return the rows that give from velocities (n,) the rates of what is told."""
-        of, still = State(q, self._still), ConstantSpeed(0.0)
-        turned, moved = constraints.PrescribedMotion, constraints.PrescribedSlide
+        still, turned, moved = ConstantSpeed(0.0), constraints.PrescribedMotion, constraints.PrescribedSlide
         drivers = [turned(it, still) if isinstance(it, int) else moved(*along(it), still) for it in told]
-        return np.asarray(constraints.system_of(drivers, of, self._still).B, float)
+        return np.asarray(constraints.system_of(drivers, State(q, q), self._still).B, float)
 
     def told(self, q: FloatArray, told: Collection[Quantity]) -> FloatArray:
         """Return the angles of bodies in rad and the ways along guides in m that are told."""
@@ -168,8 +160,8 @@ def require_closed(of: MechanismData, q: FloatArray, v: FloatArray) -> None:
     Raises:
         NotAssembled: at q and v, (n,) each, one is not, by more than ``START_TOLERANCE``.
     """
-    mechanism = mechanism_of(MechanismData(of.bodies, of.ideal, of.guides, drive=of.drive))
-    system, rows = constraints.system_of(mechanism.constraints, State(q, v), q), rows_named(mechanism)
+    joints = Joints(replace(of, pins=of.ideal), driven=True)
+    system, rows = constraints.system_of(joints.constraints, State(q, v), q), joints.rows
     gaps, speeds = np.abs(np.asarray(system.g, float)), np.abs(np.asarray(system.B @ v - system.C, float))
     if not gaps.max(initial=0.0) <= START_TOLERANCE:
         name, unit = rows[int(gaps.argmax())]

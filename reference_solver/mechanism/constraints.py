@@ -50,16 +50,16 @@ Constraint = Pin | Guide | Driver | ClearanceJoint
 class Rows:
     """The k rows of a constraint.
 
-    ``blocks`` has (k, 3) of [B] for each body under the constraint, GROUND's dropped later; ``C`` (k,),
-    ``B_dot_v`` (k,) of (4), and ``g`` (k,), gaps in m, angles in rad, walls' in m^2: dg/dt = [B]{q'} - {C}.
-    ``C_dot`` (k,) is {C'}, zeros where nothing is given.
+    ``blocks`` has (k, 3) of [B] for each body under the constraint, GROUND's dropped later; ``B_dot_v`` (k,)
+    is of (4), and ``g`` (k,) are gaps in m, angles in rad, walls' in m^2: dg/dt = [B]{q'} - {C}. What is
+    given, {C} and {C'}, is one number each.
     """
 
     blocks: dict[int, Array]
-    C: Array
     B_dot_v: Array
     g: Array
-    C_dot: Array | None = None
+    C: Scalar = 0.0
+    C_dot: Scalar = 0.0
 
 
 # g = p_j - p_i = 0
@@ -69,7 +69,7 @@ def revolute_joint(joint: Pin, state: State) -> Rows:
     """Return the rows of two points that stay together; their multipliers are the force in N on body j."""
     i, j = ends_of(joint, state)
     blocks = {joint.body_i: -i.jacobian, joint.body_j: j.jacobian}
-    return Rows(blocks, array([0.0, 0.0]), j.centripetal - i.centripetal, j.place - i.place)
+    return Rows(blocks, j.centripetal - i.centripetal, j.place - i.place)
 
 
 # g = n.d = 0, d = p_j - p_i, with u along the line and n across it: u' = phi_i' n and n' = -phi_i' u
@@ -91,11 +91,10 @@ def guided(guide: Guide, state: State, start: Array) -> Rows:
     B_dot_v = across @ (j.centripetal - i.centripetal) - i.spin * turning
     if guide.turns:
         blocks = {guide.body_i: of_i[None], guide.body_j: of_j[None]}
-        return Rows(blocks, array([0.0]), array([B_dot_v]), array([across @ d]))
+        return Rows(blocks, array([B_dot_v]), array([across @ d]))
     blocks = {guide.body_i: array([of_i, [0.0, 0.0, -1.0]]), guide.body_j: array([of_j, [0.0, 0.0, 1.0]])}
     turned_i, turned_j = (turned_by(body, state, start) for body in (guide.body_i, guide.body_j))
-    g = array([across @ d, turned_j - turned_i])
-    return Rows(blocks, array([0.0, 0.0]), array([B_dot_v, 0.0]), g)
+    return Rows(blocks, array([B_dot_v, 0.0]), array([across @ d, turned_j - turned_i]))
 
 
 # g = phi - phi(0) - turned(t) = 0
@@ -105,8 +104,8 @@ def prescribed_motion(driver: PrescribedMotion, state: State, start: Array) -> R
     """Return the row of a body that turns as a function of time says."""
     turned, speed, acceleration = moved(driver.motion, state.t)
     angle = turned_by(driver.body, state, start) - turned
-    block, zero = array([[0.0, 0.0, 1.0]]), array([0.0])
-    return Rows({driver.body: block}, array([speed]), zero, array([angle]), array([acceleration]))
+    blocks = {driver.body: array([[0.0, 0.0, 1.0]])}
+    return Rows(blocks, array([0.0]), array([angle]), speed, acceleration)
 
 
 # g = u.d - (u.d)(0) - moved(t) = 0, d = p_j - p_i, with u along the line and n across it: u' = phi_i' n
@@ -122,7 +121,7 @@ def prescribed_slide(driver: PrescribedSlide, state: State, start: Array) -> Row
     B_dot_v = along @ (j.centripetal - i.centripetal) + i.spin * turning
     _, _, along_first, _, first = line_at(driver, State(start, start))
     g = along @ d - along_first @ first - way
-    return Rows(blocks, array([speed]), array([B_dot_v]), array([g]), array([acceleration]))
+    return Rows(blocks, array([B_dot_v]), array([g]), speed, acceleration)
 
 
 def turned_by(body: int, state: State, start: Array) -> Scalar:
@@ -142,7 +141,7 @@ def following(joint: ClearanceJoint, state: State) -> Rows:
     d, d_dot, c = j.place - i.place, j.rate - i.rate, joint.radial_clearance_m
     blocks = {joint.body_i: -(d @ i.jacobian)[None], joint.body_j: (d @ j.jacobian)[None]}
     B_dot_v = d_dot @ d_dot + d @ (j.centripetal - i.centripetal)
-    return Rows(blocks, array([0.0]), array([B_dot_v]), array([0.5 * (d @ d) - c * c / 2]))
+    return Rows(blocks, array([B_dot_v]), array([0.5 * (d @ d) - c * c / 2]))
 
 
 def rows_of(constraint: Constraint, state: State, start: Array) -> Rows:
@@ -176,21 +175,21 @@ def system_of(constraints: Sequence[Constraint], state: State, start: Array) -> 
     parts = [rows_of(c, state, start) for c in constraints]
     n, rows = len(state.q), list[list[Scalar]]()
     for part in parts:
-        for k in range(len(part.C)):
+        for k in range(len(part.g)):
             row: list[Scalar] = [0.0] * n
             for body, block in part.blocks.items():
                 if body != GROUND:
                     row[3 * body : 3 * body + 3] = block[k]
             rows.append(row)
-    C, B_dot_v, g = (array([x for part in parts for x in getattr(part, of)]) for of in ("C", "B_dot_v", "g"))
-    C_dot = array([x for part in parts for x in (0.0 * part.C if part.C_dot is None else part.C_dot)])
+    C, C_dot = (array([x for p in parts for x in [getattr(p, of)] * len(p.g)]) for of in ("C", "C_dot"))
+    B_dot_v, g = (array([x for part in parts for x in getattr(part, of)]) for of in ("B_dot_v", "g"))
     return System(array(rows).reshape(-1, n), C, C_dot, B_dot_v, g)
 
 
 def row_slices(constraints: Sequence[Constraint], n: int) -> list[slice]:
     """Return the rows of [B] (m, n), and so the multipliers, of each constraint in order."""
     still = np.zeros(n)
-    ends = np.cumsum([0, *(len(rows_of(c, State(still, still), still).C) for c in constraints)])
+    ends = np.cumsum([0, *(len(rows_of(c, State(still, still), still).g) for c in constraints)])
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from reference_solver.mechanism.data import HERTZ_EXPONENT, LINEAR_LAWS, Ends, FrictionLaw, Pin
+from reference_solver.mechanism.data import GROUND, HERTZ_EXPONENT, LINEAR_LAWS, Ends, FrictionLaw, Pin
 from reference_solver.mechanism.loads import Forces, pair
-from reference_solver.mechanism.points import State, ends_of, speed_row
+from reference_solver.mechanism.points import State, ends_of
 from reference_solver.tape import Array, Scalar, array, choose, larger, signed, smaller, sqrt, tanh, when
 
 #: The phases of a contact: flight, contact (of a rigid wall: its pin follows it), and contact with the force
@@ -47,8 +47,6 @@ WRITTEN_OUT = "written out"
 LEAST_DEPTH = 1e-12
 #: Units in the last place that a few sums and products may lose, with an order of magnitude to spare.
 ROUND_OFF = 64 * float(np.finfo(float).eps)
-
-# ------------------------------------------------ a clearance as a file has it (see ``ClearanceData``)
 
 
 def exponent_of(room: Any) -> float:
@@ -79,9 +77,6 @@ def damping_factor_of(room: Any) -> float:
 def minimum_impact_speed_of(room: Any) -> float:
     """Return the floor of v0 in m/s."""
     return float(room.minimum_impact_speed_m_s or MINIMUM_IMPACT_SPEED_M_S)
-
-
-# ------------------------------------------------------------------------------------------ laws
 
 
 @dataclass(frozen=True)
@@ -172,9 +167,6 @@ FRICTION_LAWS = {"saturated-linear": saturated_linear, "ambrosio": ambrosio, "ta
 def steepest(law: FrictionLaw) -> float:
     """Return the largest slope of the law's f(v), in s/m."""
     return 1 / (law.regularisation_speed_m_s - law.dead_band_speed_m_s)
-
-
-# -------------------------------------------------------------------------------------- the joint
 
 
 @dataclass(frozen=True)
@@ -270,9 +262,7 @@ def contact_force(
     return pair(bearing, pin, array([x, y]), twist_i, twist_j), rates, tangential
 
 
-def gap(
-    joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State, pressing: Scalar = 0.0
-) -> dict[str, Scalar]:
+def gap(joint: ClearanceJoint, phase: Scalar, memory: Scalar, state: State, pressing: Scalar) -> list[Scalar]:
     """Return the fields of ``run.Gap``.
 
     g = (d.d - c^2)/(2c), polynomial in d, has the sign of the penetration and its slope at touch. Where the
@@ -290,11 +280,7 @@ def gap(
         return elastic, damper, 1.0 + damper / elastic * (g_rate * c / distance)
 
     elastic, damper, push = (0.0, 0.0, pressing) if joint.rigid else when(phase > FLIGHT, closed, 3)
-    fields = {"g": 0.5 * (d @ d - c * c) / c, "rate": g_rate, "speed": sqrt(d_dot @ d_dot), "depth": depth}
-    return {**fields, "elastic": elastic, "damper": damper, "push": push}
-
-
-# --------------------------------------------------------------------------------- rigid walls
+    return [0.5 * (d @ d - c * c) / c, g_rate, sqrt(d_dot @ d_dot), depth, elastic, damper, push]
 
 
 @dataclass(frozen=True)
@@ -334,6 +320,15 @@ def separation(joint: ClearanceJoint, state: State) -> Separation:
         v_x, v_y, spin = (abs(value) for value in state.velocity(body))
         lever = larger(*map(abs, point))
         sizes = [sizes[0] + larger(x, y) + lever, sizes[1] + larger(v_x, v_y) + spin * lever]
-    of = bearing, pin, len(state.q)
-    rows = speed_row(normal, *of), speed_row(tangent, *of, radii), speed_row(tangent, *of)
+
+    # u.d' = u.(p_j' - p_i') along a direction u: the row of a ``following`` with u for d
+    def row(direction: Array, twist: tuple[Scalar, Scalar] = (0.0, 0.0)) -> Array:
+        entries: list[Scalar] = [0.0] * len(state.q)
+        for point, sign, radius in zip((bearing, pin), (-1, 1), twist, strict=True):
+            if point.body != GROUND:
+                x, y, turn = sign * (direction @ point.jacobian)
+                entries[3 * point.body : 3 * point.body + 3] = [x, y, turn + radius]
+        return array(entries)
+
+    rows = row(normal), row(tangent, radii), row(tangent)
     return Separation(distance, *rows, normal @ d_dot, turning, *(ROUND_OFF * terms for terms in sizes))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reference_solver.mechanism.data import GROUND, Ends, Line, Spring
+from reference_solver.mechanism.data import GROUND, Ends, Line, Motor, Spring
 from reference_solver.mechanism.motions import PiecewiseCubic
 from reference_solver.mechanism.points import MovingPoint, State, ends_of, line_at
 from reference_solver.tape import Array, FloatArray, Scalar, array, sqrt
@@ -41,14 +41,6 @@ class Damping:
     """A damper of s, such as viscous friction of a guide: -c s'."""
 
     damping: float
-
-
-@dataclass(frozen=True)
-class Motor:
-    """What falls with the speed: stall (1 - s'/no-load speed)."""
-
-    stall: float
-    no_load_speed: float
 
 
 @dataclass(frozen=True)

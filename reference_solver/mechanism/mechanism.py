@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from reference_solver.mechanism import data, loads
 from reference_solver.mechanism.constraints import Constraint, Driver, PrescribedMotion, PrescribedSlide
 from reference_solver.mechanism.contacts import ClearanceJoint, joint_of
-from reference_solver.mechanism.data import Body, DriveData, MechanismData
+from reference_solver.mechanism.data import Body, MechanismData
 from reference_solver.mechanism.loads import ByAngle, ByTime, Force, Load, Torque
 from reference_solver.mechanism.motions import PiecewiseCubic, curve_of, going_on, knots_s, pieces_of
 from reference_solver.tape import Array, array
@@ -81,11 +81,20 @@ def mechanism_of(of: MechanismData) -> Mechanism:
 
 def loads_of(of: MechanismData) -> dict[str, Load]:
     """Return the loads: "drive", "BODY.PART", "spring:NAME", "torsion:NAME.spring" and its damper beside."""
-    torque, clock_s, by_name = _torque(of.drive), of.drive.clock_s, dict[str, Load]()
-    if torque is not None:
-        by_name["drive"] = Torque(of.drive.body, torque)
+    drive, clock_s, by_name = of.drive, of.drive.clock_s, dict[str, Load]()
+    match drive.law:
+        case data.Torque(data.Table() as table):
+            by_name["drive"] = Torque(drive.body, _by_time(table, clock_s))
+        case data.Torque(float() | int() as torque):
+            by_name["drive"] = Torque(drive.body, loads.Constant(torque))
+        case data.Motor(table=data.Table() as table):  # with its end values beyond its ends
+            before = (table.x[0] - (table.x[-1] - table.x[0]), table.y[0], 0.0, 0.0, 0.0)
+            rows = *before, *pieces_of(curve_of(table)).rows, table.x[-1], table.y[-1], 0.0, 0.0, 0.0
+            by_name["drive"] = Torque(drive.body, loads.BySpeed(PiecewiseCubic(rows)))
+        case data.Motor() as motor:
+            by_name["drive"] = Torque(drive.body, motor)
     for load in of.loads:
-        gas, name = load.gas, of.bodies[load.body].name
+        gas, line, name = load.gas, load.line, of.bodies[load.body].name
         forces = {
             "force": loads.Constant(load.force_N) if load.force_N else None,
             "viscous": loads.Damping(load.viscous_N_s_m) if load.viscous_N_s_m else None,
@@ -98,10 +107,8 @@ def loads_of(of: MechanismData) -> dict[str, Load]:
             "turning_viscous": loads.Damping(load.viscous_N_m_s) if load.viscous_N_m_s else None,
             "torque_by_time": _by_time(load.torque_by_time, clock_s) if load.torque_by_time else None,
         }
-        if load.line is not None:
-            by_name |= {
-                f"{name}.{part}": Force(*along(load.line), law) for part, law in forces.items() if law
-            }
+        if line is not None:
+            by_name |= {f"{name}.{part}": Force(*along(line), law) for part, law in forces.items() if law}
         by_name |= {f"{name}.{part}": Torque(load.body, law) for part, law in torques.items() if law}
     by_name |= {f"spring:{spring.name}": spring for spring in of.springs}
     for it in of.torsions:
@@ -112,19 +119,6 @@ def loads_of(of: MechanismData) -> dict[str, Load]:
     return by_name
 
 
-def _torque(drive: DriveData) -> loads.Law | None:
-    match drive.law:
-        case data.Torque(data.Table() as table):
-            return _by_time(table, drive.clock_s)
-        case data.Torque(float() | int() as torque):
-            return loads.Constant(torque)
-        case data.Motor(table=data.Table() as table):
-            return loads.BySpeed(_held(table))
-        case data.Motor(stall, speed):
-            return loads.Motor(stall, speed)
-    return None
-
-
 def along(line: data.Line) -> tuple[int, data.Point, int, data.Point, float]:
     """Return the fields of a line, of which drivers and loads along it are made."""
     return line.body_i, line.point_i, line.body_j, line.point_j, line.angle_rad
@@ -132,13 +126,6 @@ def along(line: data.Line) -> tuple[int, data.Point, int, data.Point, float]:
 
 def _by_time(table: data.Table, clock_s: float) -> ByTime:
     return ByTime(pieces_of(curve_of(table), x=-clock_s))
-
-
-def _held(table: data.Table) -> PiecewiseCubic:
-    """Return a table with its end values beyond its ends."""
-    before = (table.x[0] - (table.x[-1] - table.x[0]), table.y[0], 0.0, 0.0, 0.0)
-    beyond = (table.x[-1], table.y[-1], 0.0, 0.0, 0.0)
-    return PiecewiseCubic((*before, *pieces_of(curve_of(table)).rows, *beyond))
 
 
 def light(bodies: Sequence[Body]) -> str | None:

@@ -7,15 +7,12 @@ m/s. A curve is piecewise cubic; a kernel looks its pieces up among its paramete
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from reference_solver.mechanism.data import ConstantSpeed, Course, Fluctuation, Motion, Ramp, Table
 from reference_solver.tape import FloatArray, Scalar, cos, larger, sin, smaller
-
-if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
 
 #: A ramp takes so many steps at least: its work is an integral of a polynomial of degree 9.
 FEWEST_STEPS = 16
@@ -27,8 +24,8 @@ SMOOTH = 1e-12
 Moved = tuple[Scalar, Scalar, Scalar]
 
 
-def curve_of(table: Table) -> "PPoly":
-    """Return the curve through a table, in pieces of four coefficients each."""
+def curve_of(table: Table) -> Any:
+    """Return the curve through a table, SciPy's ``PPoly`` in pieces of four coefficients each."""
     from scipy.interpolate import CubicSpline, PPoly  # it takes a moment, and most scenes do without
 
     x, y = table.x, table.y
@@ -45,7 +42,7 @@ def curve_of(table: Table) -> "PPoly":
     return CubicSpline(x, y, bc_type=ends)
 
 
-def pieces_of(curve: "PPoly", period: float = 0.0, x: float = 0.0, y: float = 0.0) -> "PiecewiseCubic":
+def pieces_of(curve: Any, period: float = 0.0, x: float = 0.0, y: float = 0.0) -> "PiecewiseCubic":
     """Return a curve's pieces moved by x and y."""
     rows = np.column_stack([curve.x[:-1] + x, curve.c[::-1].T])
     rows[:, 1] += y

@@ -75,23 +75,3 @@ def line_at(line: Line, state: State) -> tuple[MovingPoint, MovingPoint, Array, 
     """Return the points i and j of a line, u along it and n across it, and d = p_j - p_i."""
     (i, j), u = ends_of(line, state), state.direction(line.body_i, line.angle_rad)
     return i, j, u, array([-u[1], u[0]]), j.place - i.place
-
-
-# u.d' = u.(p_j' - p_i') along a direction u: the row of a ``following`` with u for d
-def speed_row(
-    direction: Array,
-    bearing: MovingPoint,
-    pin: MovingPoint,
-    size: int,
-    twist: tuple[Scalar, Scalar] = (0.0, 0.0),
-) -> Array:
-    """Return the row (size,) that gives from {q'} the speed of the pin from the bearing along a direction.
-
-    ``twist`` adds parts of the angular velocities of bearing and pin.
-    """
-    row: list[Scalar] = [0.0] * size
-    for point, sign, radius in zip((bearing, pin), (-1, 1), twist, strict=True):
-        if point.body != GROUND:
-            entries = sign * (direction @ point.jacobian)
-            row[3 * point.body : 3 * point.body + 3] = [entries[0], entries[1], entries[2] + radius]
-    return array(row)

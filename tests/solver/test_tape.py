@@ -17,7 +17,7 @@ from hypothesis import assume, example, given, settings
 from engine_models.reference.solution import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.equations import Equations
-from reference_solver.kernel import Program, Topology, program_of
+from reference_solver.kernel import Topology, program_of
 from reference_solver.machine_code import HEAD, FunctionText, compile_text, parameters_text
 from reference_solver.mechanism.contacts import power
 from reference_solver.mechanism.data import Body
@@ -163,13 +163,13 @@ def test_a_table_is_looked_up_as_in_numbers(period: float) -> None:
 # Whole mechanisms
 
 
-def program(mechanism: Mechanism, projected: bool = False) -> Program:
-    return program_of(Topology(mechanism, projected=projected).marked())
+def program(mechanism: Mechanism) -> str:
+    return program_of(Topology(mechanism).marked())[0]
 
 
 def stored(mechanism: Mechanism, name: str) -> list[str]:
     """Return what a function of a mechanism's kernel stores, in order."""
-    text = program(mechanism).text.partition(f"define double @{name}(")[2].partition("\n}\n")[0]
+    text = program(mechanism).partition(f"define double @{name}(")[2].partition("\n}\n")[0]
     return re.findall("store double ([^,]*), ptr", text)
 
 
