@@ -30,7 +30,7 @@ SAMPLES = 60
 SETTINGS = 3
 AS_THEY_COME = (arms.EXUDYN, arms.SCIPY)
 #: A run that takes longer would not be recommended. A kernel's compilation counts.
-LIMIT_S = 60.0
+LIMIT_S = 120.0
 #: What the reference solution may take, which is found before any run is made.
 TRUTH_LIMIT_S = 300.0
 
