@@ -35,15 +35,11 @@ UNBREAKABLE, AGAIN_S = "llvmlite.", 0.01
 QUIET = Annotated[bool, Option("--quiet", help="Print neither notes nor progress, and no table of samples.")]
 
 
-def use(path: str, given: Mapping[str, Any], /, **more: Any) -> Any:
-    """Return what a function of ``library`` makes of what was typed, by names of arguments, and of others."""
-    return call(of_library(path), {**given, **more})
-
-
-def call(function: Callable[..., Any], given: Mapping[str, Any]) -> Any:
-    """Return what a function makes of those arguments that it has."""
+def use(function: Callable[..., Any] | str, given: Mapping[str, Any], /, **more: Any) -> Any:
+    """Return what a function, or that of this name in ``library``, makes of those arguments that it has."""
+    function = of_library(function) if isinstance(function, str) else function
     names = inspect.signature(function).parameters
-    return function(**{name: it for name, it in given.items() if name in names})
+    return function(**{name: it for name, it in {**given, **more}.items() if name in names})
 
 
 def of_library(path: str) -> Callable[..., Any]:
@@ -80,8 +76,8 @@ def with_options(function: Callable[..., None], paths: Sequence[str]) -> Callabl
         given = {name: it for name, it in values.items() if it not in (None, [])}
         for name in given:
             if "=" in forms[name][-1]:
-                given[name] = assigned(forms[name], given[name])
-        call(function, {**given, "given": given})
+                given[name] = dict(each.partition("=")[::2] for each in given[name])
+        use(function, given, given=given)
 
     run.__signature__ = inspect.Signature([*parameters.values(), quiet])  # type: ignore[attr-defined]
     return run
@@ -103,16 +99,6 @@ def described(function: Callable[..., Any]) -> tuple[str, dict[str, tuple[str, s
     head, _, rest = (inspect.getdoc(function) or "").partition("\n\nArgs:\n")
     lines = re.findall(r"^    (\w+)(?: \[(.*)\])?: (.*(?:\n {8,}.*)*)", rest, re.MULTILINE)
     return head, {name: (typed, " ".join(text.split())) for name, typed, text in lines}
-
-
-def assigned(typed: Sequence[str], assignments: Sequence[str]) -> dict[str, str]:
-    """Return the values of assignments of an option and a form such as ``--set KEY=VALUE`` by their keys."""
-    from engine_models.scene.plain_words import shown
-
-    values = dict(each.split("=", 1) for each in assignments if each.find("=") > 0)
-    if len(values) < len(assignments):
-        raise BadInput(f"{typed[0][2:]}: expected {typed[-1]}, each once, got {shown(' '.join(assignments))}")
-    return values
 
 
 def print_rows(rows: Sequence[Sequence[str]]) -> None:
@@ -196,7 +182,7 @@ def write(given: dict[str, Any], solve: str) -> None:
 
     scene = use("read_scene", given)
     files = {name: given[name] for name in ("out", "impacts", "plot", "animate") if name in given}
-    use("require_outputs", given, scene=scene, files=files)
+    of_library("require_outputs")(scene, **files)
     if "plot_columns" in given:
         given["plot_columns"] = [name for each in given["plot_columns"] for name in each.split(",")]
     if not files and log.isEnabledFor(logging.INFO):
@@ -207,7 +193,7 @@ def write(given: dict[str, Any], solve: str) -> None:
 
     with progress_console().status("") as status, told_to(tell):
         run = use(solve, given, scene=scene, end=None)
-        call(run.write, given)
+        use(run.write, given)
     for note in run.notes():
         log.info(note)
 

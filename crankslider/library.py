@@ -147,8 +147,6 @@ def simulate(
     if tolerance is not None and "method" not in typed:
         given = {key: vars(chosen)[key] for key in typed if key == "step_tolerance"}
         chosen = chosen.controlling_error(**given)
-    if not start < end_s:
-        raise BadInput(f"start: expected a time < the end time {end_s:g}, got {start:g}")
     if step is not None and tolerance is not None:
         raise BadInput(f"tolerance: expected nothing beside step, got {tolerance:g}")
     longest = step or (end_s if chosen.controls_error else min(DEFAULT_STEP_S, end_s))
@@ -322,7 +320,7 @@ def sweep(
 
     physics, chosen = read_scene(scene), make_engine(engine, **(settings or {}))
     place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
-    require_outputs(physics, {"out": place, "plot": plot})
+    require_outputs(physics, out=place, plot=plot)
     values = draw_values(physics, vary or {}, sample, members, jitter, seed)
     step = step or (None if chosen.controls_error else DEFAULT_STEP_S)
     columns = {"transient": transient, "revolutions": revolutions, "step": step}

@@ -121,9 +121,7 @@ class Run:
 
         clearances = self.scene.clearances
         if joint not in clearances:
-            raise BadInput(
-                unknown("joint", joint, clearances, "" if clearances else "a scene with clearance")
-            )
+            raise BadInput(unknown("joint", joint, clearances))
         title = f"{self.scene.name}, {self.engine_name}"
         return orbit_plot(self.frame, joint, clearances[joint].radial_clearance_m, title)
 
@@ -147,7 +145,7 @@ class Run:
             plot_columns: columns that the figure shows, A,B.
             exaggerate: enlarge clearances in the animation by this factor.
         """
-        require_outputs(self.scene, {"out": out, "impacts": impacts, "plot": plot, "animate": animate})
+        require_outputs(self.scene, out=out, impacts=impacts, plot=plot, animate=animate)
         if out is not None:
             write_file("out", out, encode(self.frame.reset_index(), out, self.made_by))
         if impacts is not None:
@@ -261,11 +259,11 @@ class Comparison:
         write_file("folder", Path(folder, "rows.csv"), self.frame.to_csv(index=False).encode())
 
 
-def require_outputs(scene: Scene, files: Mapping[str, str | Path | None]) -> None:
+def require_outputs(scene: Scene, **files: str | Path | None) -> None:
     """Refuse, before any work, files that cannot be written or have other endings."""
-    if files.get("impacts") is not None and not scene.clearances:
-        raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has no impacts")
     for name, path in ((name, Path(place)) for name, place in files.items() if place is not None):
+        if name == "impacts" and not scene.clearances:
+            raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has none")
         if path.suffix.lower() not in FILES[name]:
             expected = f"a file that ends in {one_of([each for each in FILES[name] if each])}"
             raise BadInput(f"{name}: expected {expected}, got {shown(str(path))}")

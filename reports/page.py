@@ -14,7 +14,7 @@ from matplotlib.figure import Figure as Drawing
 
 from reports.look import ABSENT, ENGINES, picture_bytes, plain, quantity
 from reports.results import NoResults, Results, Studies, read_study
-from studies.failures import BadInput, Failed
+from studies.failures import Failed
 
 #: What marks a folder as a report, so that nothing else is ever replaced; the file of its claims.
 GENERATOR, FINDINGS = '<meta name="generator" content="crankslider">', "findings.json"
@@ -262,12 +262,9 @@ def template(name: str) -> Any:
 
 def read_claims(report: Path) -> dict[str, str]:
     """Return the numbers of a report's claims as text, by their names."""
-    try:
-        claims = json.loads((report / FINDINGS).read_text(encoding="utf-8"))["claims"]
-        numbers = [(claim["id"], *number) for claim in claims for number in claim["numbers"].items()]
-        return {f"{claim} {name}": quantity(*number[:2]) for claim, name, number in numbers}
-    except (ValueError, LookupError, TypeError, AttributeError) as error:
-        raise BadInput(f"against: expected the folder of a report, got {report}: '{error}'") from None
+    claims = json.loads((report / FINDINGS).read_text(encoding="utf-8"))["claims"]
+    numbers = [(claim["id"], *number) for claim in claims for number in claim["numbers"].items()]
+    return {f"{claim} {name}": quantity(*number[:2]) for claim, name, number in numbers}
 
 
 def versions(studies: Studies) -> dict[str, str]:

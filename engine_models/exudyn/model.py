@@ -25,6 +25,7 @@ from engine_models.exudyn.tree import Branch, branches_of, turned, way_of
 from engine_models.mechanics.start import checked_start
 from engine_models.mechanics.states import pin_gap
 from engine_models.scene.scene import Scene
+from reference_solver.mechanism import loads
 from reference_solver.mechanism.contacts import exponent_of, minimum_impact_speed_of, stiffness_of
 from reference_solver.mechanism.data import (
     GROUND,
@@ -37,15 +38,6 @@ from reference_solver.mechanism.data import (
     Pin,
     Point,
     Spring,
-)
-from reference_solver.mechanism.loads import (
-    ByAngle,
-    Constant,
-    Damping,
-    Force,
-    Law,
-    Restoring,
-    Torque,
 )
 from reference_solver.mechanism.mechanism import loads_of
 from reference_solver.mechanism.motions import going_on, moved
@@ -235,64 +227,49 @@ class Model:
     def _add_loads(self, position: FloatArray) -> None:
         """Add all parts of loads, springs and the torque of a drive that prescribes no motion."""
         lines = {self.of.bodies[load.body].name: load.line for load in self.of.loads}
-        called = dict[str, Force | Torque]()
+        called = dict[str, loads.Force | loads.Torque]()
         for name, load in loads_of(self.of).items():
-            line = lines.get(name.partition(".")[0])
             if isinstance(load, Spring):
                 self._add_spring(load)
-            elif (numbers := _numbers(load.law)) is None:
+                continue
+            numbers, line = _numbers(load.law), lines.get(name.partition(".")[0])
+            coordinate = way_of(self.branches, line) if isinstance(line, Guide) else None
+            if numbers is None or (isinstance(load, loads.Force) and coordinate is None):
                 called[name] = load
-            elif isinstance(load, Torque):
-                self._add_torque(load, position, *numbers)
-            elif isinstance(line, Guide) and (coordinate := way_of(self.branches, line)):
-                self._add_force(load, *coordinate, *numbers)
-            else:
-                called[name] = load
+                continue
+            constant, damper, stiffness, free = numbers
+            spring: dict[str, Any] = {"stiffness": stiffness, "damping": damper}
+            if isinstance(load, loads.Torque):
+                sides, torque = [self._marker(load.against), self._marker(load.body)], [0.0, 0.0, constant]
+                steady = items.LoadTorqueVector(markerNumber=sides[1], loadVector=torque)
+                if stiffness:
+                    node, offset = self._twisted(load.against, load.body, position)
+                    spring |= {"nodeNumber": node, "offset": offset + free}
+                connector = items.ObjectConnectorTorsionalSpringDamper
+            elif coordinate is not None:
+                branch, link = coordinate
+                sign = -1.0 if self.branches[branch].links[link].body == load.body_i else 1.0
+                sides = [self._still(), self._coordinate(self._nodes[branch], link)]
+                steady = items.LoadCoordinate(markerNumber=sides[1], load=sign * constant)
+                spring["offset"] = sign * free - self.branches[branch].start[link]
+                connector = items.ObjectConnectorCoordinateSpringDamper
+            if constant:
+                self.mbs.AddLoad(steady)
+            if stiffness or damper:
+                self.mbs.AddObject(connector(markerNumbers=sides, **spring))
         if called:
             self._add_function(called, position)
 
     def _add_spring(self, spring: Spring) -> None:
         """Add a spring; one without free length and damper has a force at length 0 too."""
-        sides, length, damping = self._markers(spring)[::-1], spring.free_length_m, spring.damping_N_s_m
-        stiffness = spring.stiffness_N_m
-        if length or damping:
-            of = {"referenceLength": length, "stiffness": stiffness, "damping": damping}
-            item = items.ObjectConnectorSpringDamper(markerNumbers=sides, **of)
+        sides, stiffness = self._markers(spring)[::-1], spring.stiffness_N_m
+        if spring.free_length_m or spring.damping_N_s_m:
+            of = {"referenceLength": spring.free_length_m, "damping": spring.damping_N_s_m}
+            item = items.ObjectConnectorSpringDamper(markerNumbers=sides, stiffness=stiffness, **of)
         else:
             along = [stiffness, stiffness, 0.0]
             item = items.ObjectConnectorCartesianSpringDamper(markerNumbers=sides, stiffness=along)
         self.mbs.AddObject(item)
-
-    def _add_torque(
-        self, of: Torque, position: FloatArray, constant: float, damper: float, stiffness: float, free: float
-    ) -> None:
-        if constant:
-            torque = [0.0, 0.0, constant]
-            load = items.LoadTorqueVector(markerNumber=self._marker(of.body), loadVector=torque)
-            self.mbs.AddLoad(load)
-        if stiffness or damper:
-            sides = [self._marker(of.against), self._marker(of.body)]
-            spring: dict[str, Any] = {"stiffness": stiffness, "damping": damper}
-            if stiffness:
-                node, offset = self._twisted(of.against, of.body, position)
-                spring |= {"nodeNumber": node, "offset": offset + free}
-            item = items.ObjectConnectorTorsionalSpringDamper(markerNumbers=sides, **spring)
-            self.mbs.AddObject(item)
-
-    def _add_force(
-        self, of: Force, branch: int, link: int, constant: float, damper: float, stiffness: float, free: float
-    ) -> None:
-        """Add a force along the coordinate of a link."""
-        sign = -1.0 if self.branches[branch].links[link].body == of.body_i else 1.0
-        at = self._coordinate(self._nodes[branch], link)
-        if constant:
-            self.mbs.AddLoad(items.LoadCoordinate(markerNumber=at, load=sign * constant))
-        if stiffness or damper:
-            offset = sign * free - self.branches[branch].start[link]
-            of_spring = {"stiffness": stiffness, "damping": damper, "offset": offset}
-            sides = [self._still(), at]
-            item = items.ObjectConnectorCoordinateSpringDamper(markerNumbers=sides, **of_spring)
-            self.mbs.AddObject(item)
 
     def _twisted(self, i: int, j: int, position: FloatArray) -> tuple[Any, float]:
         """Return the node that counts turns of body j against body i, and what their frames are turned by."""
@@ -305,17 +282,19 @@ class Model:
         node = items.NodeGenericData(initialCoordinates=begin, numberOfDataCoordinates=1)
         return self.mbs.AddNode(node), offset
 
-    def _add_function(self, loads: dict[str, Force | Torque], position: FloatArray) -> None:
+    def _add_function(self, called: dict[str, loads.Force | loads.Torque], position: FloatArray) -> None:
         """Add loads as a function of Python.
 
         No node that is not needed: implicit solvers difference these forces by every coordinate.
         """
         from engine_models.exudyn.called import generalised, numbers_of  # which imports Numba
 
-        p, used = numbers_of(self.of, loads), set[int]()
-        for load in loads.values():
-            bodies = {load.body, load.against} if isinstance(load, Torque) else {load.body_i, load.body_j}
-            bodies |= {load.law.crank} if isinstance(load.law, ByAngle) else set()
+        p, used = numbers_of(self.of, called), set[int]()
+        for load in called.values():
+            bodies = (
+                {load.body, load.against} if isinstance(load, loads.Torque) else {load.body_i, load.body_j}
+            )
+            bodies |= {load.law.crank} if isinstance(load.law, loads.ByAngle) else set()
             used |= {self._places[body][0] for body in bodies - {GROUND}}
         links = link_rows([self.branches[branch] for branch in sorted(used)])
         start = np.concatenate([self.branches[branch].start for branch in sorted(used)])
@@ -380,14 +359,14 @@ def _matrix(angle_rad: float) -> FloatArray:
     return np.array([[x[0], y[0], 0.0], [x[1], y[1], 0.0], [0.0, 0.0, 1.0]])
 
 
-def _numbers(law: Law) -> tuple[float, float, float, float] | None:
+def _numbers(law: loads.Law) -> tuple[float, float, float, float] | None:
     """Return constant, damping, stiffness and free place of a law of these, None of any other."""
     match law:
-        case Constant(size):
+        case loads.Constant(size):
             return size, 0.0, 0.0, 0.0
-        case Damping(damping):
+        case loads.Damping(damping):
             return 0.0, damping, 0.0, 0.0
-        case Restoring(stiffness, free):
+        case loads.Restoring(stiffness, free):
             return 0.0, 0.0, stiffness, free
         case Motor(stall, speed):
             return stall, stall / speed, 0.0, 0.0

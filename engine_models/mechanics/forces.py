@@ -20,6 +20,7 @@ from reference_solver.mechanism.mechanism import loads_of
 from reference_solver.mechanism.motions import going_on, moved
 from reference_solver.mechanism.points import State
 
+Term = FloatArray | float
 #: Singular values below this part of the largest are zero, where rows depend on each other.
 ZERO = 1e-15
 
@@ -49,8 +50,9 @@ def driven_speeds(of: MechanismData, time_s: FloatArray) -> FloatArray:
     """Return the speeds that a prescribed motion has at times (n,), in rad/s or along a guide in m/s."""
     assert isinstance(of.drive.law, Motion)
     motion = going_on(of.drive.law, of.drive.clock_s)
-    if isinstance(motion, Ramp):  # of which moved knows one time
-        return np.array([moved(motion, t)[1] for t in time_s.tolist()])
+    if isinstance(motion, Ramp):  # of which ``moved`` knows one time
+        x = np.clip((time_s - motion.start_s) / motion.duration_s, 0.0, 1.0)
+        return motion.first + (motion.last - motion.first) * (x * x * x * (10.0 + x * (6.0 * x - 15.0)))
     return np.broadcast_to(moved(motion, time_s)[1], len(time_s))
 
 
@@ -232,12 +234,7 @@ def _rows(of: MechanismData, x: FloatArray) -> FloatArray:
 
 
 def _push(
-    F: FloatArray,
-    x: FloatArray,
-    part: Ends,
-    force_N: FloatArray,
-    moment_N_m: FloatArray | float = 0.0,
-    reach: FloatArray | float = 0.0,
+    F: FloatArray, x: FloatArray, part: Ends, force_N: FloatArray, moment_N_m: Term = 0.0, reach: Term = 0.0
 ) -> None:
     """Add force and moment on body j of a part, at its point or as far from there, and their reaction."""
     place = point_motion(part.body_j, part.point_j, x, x).place_m + reach
@@ -246,12 +243,7 @@ def _push(
 
 
 def _act(
-    F: FloatArray,
-    x: FloatArray,
-    body: int,
-    place_m: FloatArray,
-    force_N: FloatArray,
-    moment_N_m: FloatArray | float = 0.0,
+    F: FloatArray, x: FloatArray, body: int, place_m: FloatArray, force_N: FloatArray, moment_N_m: Term = 0.0
 ) -> None:
     """Add force and moment on a body, (n, 2) and (n,), to those on all bodies, F (n, bodies, 3)."""
     if body != GROUND:

@@ -308,22 +308,6 @@ def forces(p: Array, t: float, q: Array, v: Array, F: Array, told: Array, powers
     return place_of
 
 
-@compiled(
-    "void(f8[::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1])",
-    error_model="numpy",
-)
-def act(p: Array, t: Array, q: Array, v: Array, phases: Array, F: Array, told: Array, powers: Array) -> None:
-    """Do as ``forces`` at times (n,) in states (n, 3b); a contact that is on in ``phases`` is engaged."""
-    contacts, now = block(p, CONTACTS), block(p, PHASES)
-    for n in range(len(t)):
-        for k in range(len(contacts)):
-            for i in range(3):
-                now[k, i] = phases[n, k, i]
-            if now[k, 0] == PUSHED:
-                engage(contacts[k], now[k], q[n], v[n])
-        forces(p, t[n], q[n], v[n], F[n], told[n], powers[n])
-
-
 @compiled("void(f8[::1], f8[::1], f8[:, ::1])", error_model="numpy")
 def drive(p: Array, t: Array, motion: Array) -> None:
     """Fill what ``driven`` returns at times (n,), (n, 3)."""

@@ -68,9 +68,9 @@ def settle(model: Model, t: float, y: FloatArray, k: int) -> tuple[FloatArray, t
 def _normal(model: Model, t: float, q: FloatArray, v: FloatArray, k: int) -> FloatArray:
     """Return the row (3b,) of the distance of pin k from its bearing: what a push of 1 N on its wall does."""
     before, F = model.phases.copy(), np.empty((2, model.size))
-    told, powers = np.empty((2, len(model.told))), np.empty((2, len(model.sums) + 1))
-    phases = np.stack([before, before])
-    phases[1, k] = eq.GIVEN, PUSH_N, 0.0
-    eq.act(model.p, np.full(2, t), np.stack([q, q]), np.stack([v, v]), phases, F, told, powers)
+    told, powers = np.empty(len(model.told)), np.empty(len(model.sums) + 1)
+    for row, phase in zip(F, (before[k], (eq.GIVEN, PUSH_N, 0.0)), strict=True):
+        model.phases[k] = phase
+        eq.forces(model.p, t, q, v, row, told, powers)
     model.phases[:] = before
     return np.asarray((F[0] - F[1]) / PUSH_N)
