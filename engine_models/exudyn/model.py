@@ -25,20 +25,9 @@ from engine_models.exudyn.tree import Branch, branches_of, turned, way_of
 from engine_models.mechanics.start import checked_start
 from engine_models.mechanics.states import pin_gap
 from engine_models.scene.scene import Scene
-from reference_solver.mechanism import loads
+from reference_solver.mechanism import data, loads
 from reference_solver.mechanism.contacts import exponent_of, minimum_impact_speed_of, stiffness_of
-from reference_solver.mechanism.data import (
-    GROUND,
-    ConstantSpeed,
-    Course,
-    Ends,
-    Guide,
-    Motion,
-    Motor,
-    Pin,
-    Point,
-    Spring,
-)
+from reference_solver.mechanism.data import GROUND, Ends, Guide, Pin, Point, Spring
 from reference_solver.mechanism.mechanism import loads_of
 from reference_solver.mechanism.motions import going_on, moved
 
@@ -321,9 +310,9 @@ class Model:
         every entry: there the mass has all of the speed, by a force of time.
         """
         drive, mbs = self.of.drive, self.mbs
-        assert isinstance(drive.law, Motion)
+        assert isinstance(drive.law, data.Motion)
         motion = going_on(drive.law, drive.clock_s)
-        driven, by_table = self._coordinate(self._nodes[branch], link), isinstance(drive.law, Course)
+        driven, by_table = self._coordinate(self._nodes[branch], link), isinstance(drive.law, data.Course)
         _, speed, acceleration = map(float, moved(motion, 0.0))
 
         def push(_: exu.MainSystem, t: float, __: float) -> float:
@@ -337,10 +326,10 @@ class Model:
                 mass = np.zeros(2 * [len(self.branches[branch].links)])
                 mass[link, link] = HEAVY
                 mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[self._nodes[branch]], massMatrix=mass))
-            if not isinstance(drive.law, ConstantSpeed):
+            if not isinstance(drive.law, data.ConstantSpeed):
                 mbs.AddLoad(items.LoadCoordinate(markerNumber=driven, load=0.0, loadUserFunction=push))
             return
-        if isinstance(drive.law, ConstantSpeed):
+        if isinstance(drive.law, data.ConstantSpeed):
             other, beside = self._still(), dict[str, Any](offset=speed)
         else:
             node = mbs.AddNode(items.Node1D(initialVelocities=[speed if by_table else 0.0]))
@@ -368,6 +357,6 @@ def _numbers(law: loads.Law) -> tuple[float, float, float, float] | None:
             return 0.0, damping, 0.0, 0.0
         case loads.Restoring(stiffness, free):
             return 0.0, 0.0, stiffness, free
-        case Motor(stall, speed):
+        case data.Motor(stall, speed):
             return stall, stall / speed, 0.0, 0.0
     return None

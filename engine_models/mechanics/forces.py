@@ -162,7 +162,8 @@ def reactions(
     """Return all reactions at times (n,) in states (n, bodies, 3), in which joints with clearance do so."""
     on_pin = {name: force_on_pin(contact) for name, contact in contacts.items()}
     forces = {pin.name: (-1.0 if pin.bearing_on_j else 1.0) * on_pin[pin.name] for pin in of.loose}
-    missing = _flat(acceleration - _loaded(of, time_s, position, velocity, forces) / masses_of(of))
+    missing = acceleration - _loaded(of, time_s, position, velocity, forces) / masses_of(of)
+    missing = missing.reshape(len(missing), 3 * len(of.bodies))
     rows = _rows(of, position)
     B = np.ascontiguousarray(rows.reshape(len(rows), *missing.shape).swapaxes(0, 1))
     matrix, right = B / masses_of(of).ravel() @ B.swapaxes(1, 2), B @ missing[..., None]
@@ -295,11 +296,6 @@ def _to_contact(pin: Pin, position: FloatArray) -> FloatArray:
     depth = np.maximum(distance - pin.clearance.radial_clearance_m, 0.0)
     reach = pin.clearance.bearing_radius_m + depth / 2 - (0.0 if pin.bearing_on_j else distance)
     return np.asarray(reach * _unit(gap))
-
-
-def _flat(states: FloatArray) -> FloatArray:
-    """Return states (n, bodies, 3) as (n, 3b)."""
-    return states.reshape(len(states), 3 * states.shape[1])
 
 
 def _unit(d: FloatArray) -> FloatArray:
