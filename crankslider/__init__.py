@@ -10,6 +10,8 @@ Bad input raises ``BadInput``, work that breaks down ``Failed``.
 """
 
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -20,6 +22,12 @@ if TYPE_CHECKING:
     from studies.failures import BadInput, Failed
 
 __all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate", "sweep", "truth"]
+
+for _name in ("reference_solver", "engine_models", "studies", "reports"):
+    _spec = find_spec(_name)
+    if _spec is None or Path(__file__).parents[1] not in Path(str(_spec.origin)).parents:
+        _place = _spec and (_spec.origin or [*(_spec.submodule_search_locations or ())])
+        raise ImportError(f"{_name}: expected crankslider's own, got {_place}: rename what is there")
 
 
 def __getattr__(name: str) -> Any:

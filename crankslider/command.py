@@ -108,8 +108,12 @@ def print_rows(rows: Sequence[Sequence[str]]) -> None:
         print("  ".join(map(str.ljust, row, widths)).rstrip())
 
 
-def scenes() -> None:
-    """List the scenes of the library."""
+def scenes(as_json: bool = False) -> None:
+    """List the scenes of the library.
+
+    Args:
+        as_json [--json]: print JSON.
+    """
     from engine_models.scene.library import ALL_SCENES
 
     rows = [("scene", "drive", "clearance", "end time", "about")]
@@ -117,20 +121,25 @@ def scenes() -> None:
         scene = make()
         joints, end = ", ".join(scene.clearances) or "none", f"{scene.end_time_s:g} s"
         rows.append((name, scene.drive.kind, joints, end, described(make)[0].partition("\n")[0]))
-    print_rows(rows)
+    if as_json:
+        print(json.dumps([dict(zip(rows[0], row, strict=True)) for row in rows[1:]], indent=2))
+    else:
+        print_rows(rows)
 
 
-def engines(name: str | None = None) -> None:
+def engines(name: str | None = None, as_json: bool = False) -> None:
     """List the engines, their settings and the library scenes that each can run.
 
     Args:
         name [[NAME]]: describe this engine in full.
+        as_json [--json]: print JSON.
     """
     from engine_models.engine import UnsupportedScene
     from engine_models.engines import ENGINES, engine_class
     from engine_models.scene.library import ALL_SCENES
     from engine_models.scene.plain_words import expectation, fields, shown
 
+    listed = list[dict[str, Any]]()
     for engine in [name] if name else ENGINES:
         kind, refused = engine_class(engine), defaultdict[str, list[str]](list)
         for scene, make in ALL_SCENES.items():
@@ -139,9 +148,14 @@ def engines(name: str | None = None) -> None:
             except UnsupportedScene as reason:
                 refused[str(reason)].append(scene)
         about = inspect.getdoc(kind) or ""
-        print(f"{engine}: {about if name else about.partition(chr(10))[0]}")
-        print_rows([(f"  {key}", shown(it["default"]), expectation(it)) for key, it in fields(kind).items()])
-        for why, names in refused.items():
+        settings = [(key, shown(it["default"]), expectation(it)) for key, it in fields(kind).items()]
+        listed.append({"engine": engine, "about": about, "settings": settings, "refused": refused})
+    if as_json:
+        print(json.dumps(listed, indent=2))
+    for each in () if as_json else listed:
+        print(f"{each['engine']}: {each['about'] if name else each['about'].partition(chr(10))[0]}")
+        print_rows([(f"  {key}", *told) for key, *told in each["settings"]])
+        for why, names in each["refused"].items():
             print(f"  not {', '.join(names)}: {why}")
 
 
@@ -215,8 +229,12 @@ def run(given: dict[str, Any]) -> None:
     log.info(f"the results are in {given['out']}")
 
 
-def compare(given: dict[str, Any]) -> None:
-    """Compare engines on a scene: which configuration and setting to use, with its error and run time."""
+def compare(given: dict[str, Any], as_json: bool = False) -> None:
+    """Compare engines on a scene: which configuration and setting to use, with its error and run time.
+
+    Args:
+        as_json [--json]: print JSON.
+    """
     from reports.standings import standings_table
 
     changes = [f"--with {quote('='.join(change))}" for change in given.get("changes", {}).items()]
@@ -225,17 +243,23 @@ def compare(given: dict[str, Any]) -> None:
     result = use("compare", given, scene=use("read_scene", given), given=typed)
     result.save(result.folder)
     table = standings_table(result.standings).cells()
-    print(table.to_string(index=False), result.recommendation, sep="\n")
+    if as_json:
+        print(table.to_json(orient="records", indent=2))
+    else:
+        print(table.to_string(index=False), result.recommendation, sep="\n")
     log.info(f"the page is {result.folder / 'index.html'}")
 
 
-def conform(name: str | None = None, table: str | None = None, table_scene: str | None = None) -> None:
+def conform(
+    name: str | None = None, table: str | None = None, table_scene: str | None = None, as_json: bool = False
+) -> None:
     """Run the checks that every engine has to pass; exit code 1 if one fails.
 
     Args:
         name [[NAME]]: an engine, or your own: my_module:MyEngine.
         table [--from FILE.csv]: a CSV table of another solver in place of an engine.
         table_scene [--scene SCENE]: the scene that the table is of.
+        as_json [--json]: print JSON.
     """
     from crankslider.library import verdicts_on_table
     from engine_models.engines import make_engine
@@ -246,7 +270,9 @@ def conform(name: str | None = None, table: str | None = None, table_scene: str 
     checks = verdicts(make_engine(name)) if name else verdicts_on_table(str(table), str(table_scene))
     with progress_console().status(f"checks of {name or table}"):
         made = list(checks)
-    for claim in dict.fromkeys(each.claim for each in made):
+    if as_json:
+        print(json.dumps([each._asdict() for each in made], indent=2))
+    for claim in () if as_json else dict.fromkeys(each.claim for each in made):
         ones = [each for each in made if each.claim == claim]
         wrong = [each for each in ones if not each.holds]
         held = f"{len(ones) - len(wrong)} of {len(ones)} scenes" if ones[0].scene else ones[0].measured
@@ -257,13 +283,16 @@ def conform(name: str | None = None, table: str | None = None, table_scene: str 
         raise Failed(f"{name or table} does not pass all checks")
 
 
-def baseline(name: str | None = None, folder: str = "accuracy", accept: str | None = None) -> None:
+def baseline(
+    name: str | None = None, folder: str = "accuracy", accept: str | None = None, as_json: bool = False
+) -> None:
     """Compare the accuracy of all configurations with baselines; exit code 1 if a number left its band.
 
     Args:
         name [[NAME]]: an engine alone, or your own: my_module:MyEngine.
         folder: folder of that engine's baselines.
         accept [--accept REASON]: accept the numbers as they are, for this reason.
+        as_json [--json]: print JSON.
     """
     from engine_models.arms import NAMED as ALL
     from engine_models.engines import join
@@ -272,7 +301,7 @@ def baseline(name: str | None = None, folder: str = "accuracy", accept: str | No
     if name:
         join(name)
     lines = compare_or_accept([name] if name else ALL, Path(folder) if name else FOLDER, accept)
-    print("\n".join(lines))
+    print(json.dumps(lines, indent=2) if as_json else "\n".join(lines))
     if lines:
         raise Failed(f"{len(lines)} numbers left their bands")
 

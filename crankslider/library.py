@@ -147,6 +147,8 @@ def simulate(
     if tolerance is not None and "method" not in typed:
         given = {key: vars(chosen)[key] for key in typed if key == "step_tolerance"}
         chosen = chosen.controlling_error(**given)
+    if not start < end_s:
+        raise BadInput(f"from: expected a time < the end time {end_s:g}, got {start:g}")
     if step is not None and tolerance is not None:
         raise BadInput(f"tolerance: expected nothing beside step, got {tolerance:g}")
     longest = step or (end_s if chosen.controls_error else min(DEFAULT_STEP_S, end_s))
@@ -390,11 +392,13 @@ def verdicts_on_table(table: str, scene: str) -> "Iterator[Verdict]":
 
     columns = pd.read_csv(table)
     times = columns.get("time_s", pd.Series(1.0)).to_numpy()
-    if np.abs(times - np.linspace(0, times[-1], len(times))).max() > 1e-9 * times[-1]:
+    if not len(times) or np.abs(times - np.linspace(0, times[-1], len(times))).max() > 1e-9 * times[-1]:
         raise BadInput("from: expected a CSV file with time_s at equal distances from 0 on, got other")
     true = truth(scene, end=float(times[-1]), samples=len(times) - 1).frame.reset_index(drop=True)
     true = true.drop(columns="energy_balance_residual_J")
-    for name in true.columns.intersection(columns.columns):
+    if not (shared := [name for name in true if name in columns]):
+        raise BadInput(f"from: expected columns such as {true.columns[0]}, got {', '.join(columns)}")
+    for name in shared:
         off, largest = (columns[name] - true[name]).abs().max(), true[name].abs().max()
         bound = PLACE_M if name.endswith("position_m") else STRENGTH * largest
         words = f"off, the largest is {largest:.3g}", "what is asked of every engine"

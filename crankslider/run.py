@@ -45,6 +45,9 @@ class ContactForce(NamedTuple):
     joint: str
     time_s: float
 
+    def __str__(self) -> str:
+        return f"{_newtons(self.force_N)} at joint {self.joint} at t = {self.time_s:.6g} s"
+
 
 @dataclass(frozen=True)
 class Run:
@@ -85,11 +88,14 @@ class Run:
     @property
     def largest_contact_force(self) -> ContactForce | None:
         """The largest normal force after ``start_s``, in impacts and samples; None of rigid walls."""
+        return self._largest_force(self.start_s)
+
+    def _largest_force(self, start_s: float) -> ContactForce | None:
         forces = list[ContactForce]()
         for joint, contact in self.trajectory.contacts.items():
             force = np.append(contact.normal_force_N, contact.impacts.largest_normal_force_N)
             times = np.append(self.trajectory.time_s, contact.impacts.largest_normal_force_time_s)
-            force = np.where(times >= self.start_s, force, 0.0)
+            force = np.where(times >= start_s, force, 0.0)
             k = np.nanargmax(force)
             if self.scene.clearances[joint].law != "rigid" and force[k] > 0:
                 forces.append(ContactForce(float(force[k]), joint, float(times[k])))
@@ -192,9 +198,9 @@ class Run:
             if (moved := self.scene.placed.moved) is not None:
                 lines.insert(0, f"start put together: {moved} from what the file tells")
         if largest := self.largest_contact_force:
-            where = f"{_newtons(largest.force_N)} at joint {largest.joint} at t = {largest.time_s:.6g} s"
-            after = f", after {self.start_s:g} s" if self.start_s else ""
-            lines.append(f"the largest contact force is {where}{after}")
+            lines.append(f"the largest contact force is {largest}")
+            if (overall := self._largest_force(0.0)) != largest:
+                lines[-1] += f", after the transient to {self.start_s:g} s, in which it is {overall}"
         return lines
 
     def __repr__(self) -> str:
@@ -260,7 +266,10 @@ class Comparison:
 
 
 def require_outputs(scene: Scene, **files: str | Path | None) -> None:
-    """Refuse, before any work, files that cannot be written or have other endings."""
+    """Refuse, before any work, files that cannot be written, have other endings, or are one."""
+    places = [place for place in files.values() if place is not None]
+    if len({os.path.realpath(place) for place in places}) < len(places):
+        raise BadInput(f"out: expected a file each, got {', '.join(map(str, places))}")
     for name, path in ((name, Path(place)) for name, place in files.items() if place is not None):
         if name == "impacts" and not scene.clearances:
             raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has none")
@@ -287,7 +296,7 @@ def encode(frame: "pd.DataFrame", place: str | Path, made_by: Mapping[str, Any])
 
 
 def write_file(argument: str, place: str | Path, content: "bytes | Figure") -> None:
-    """Write to stdout or a file."""
+    """Write to stdout, a device, or a file that takes its place once it is on the disk."""
     if not isinstance(content, bytes):
         from reports.look import picture_bytes  # loads Matplotlib
 
@@ -295,8 +304,15 @@ def write_file(argument: str, place: str | Path, content: "bytes | Figure") -> N
     with writing(argument, Path(place)):
         if Path(place) == STDOUT:
             print(content.decode("utf-8"), end="")
+        elif (path := Path(os.path.realpath(place))).exists() and not path.is_file():
+            path.write_bytes(content)
         else:
-            Path(place).write_bytes(content)
+            new = path.with_name(f".{path.name}.{os.getpid()}.new")
+            try:
+                new.write_bytes(content)
+                new.replace(path)
+            finally:
+                new.unlink(missing_ok=True)
 
 
 def _newtons(force_N: float) -> str:

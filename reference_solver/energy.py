@@ -26,8 +26,8 @@ MARGIN, ROUND_OFF, WITH_CONTACTS = 500.0, 1e-8, 0.1
 #: How far a violation of the constraints may move bodies near a singular position, as a part of the
 #: mechanism's length and of a radian; and how many samples are looked at.
 MOVED, LOOKED_AT = 0.03, 100
-#: A position of this condition is named where a run is refused.
-FLAT = 1e6
+#: What a refusal names: a spring this short, of its free length, and a position of this condition.
+NO_LENGTH, FLAT = 1e-2, 1e6
 
 
 @dataclass(frozen=True)
@@ -142,9 +142,15 @@ def check_energy(run: Solution, scales: Scales, step_s: float, tolerance: float 
     created, allowed = np.abs(ledger.sum(axis=0)), part * in_play_J + ROUND_OFF * own_J
     for k in np.flatnonzero(~(created <= allowed))[:1]:
         advice = "sharpen the tolerance" if tolerance else "shorten the step, or take a --tolerance"
-        if run.condition > FLAT:
-            near = f"a step came close to a flat position (condition {run.condition:.1e})"
-            advice = f"{near}: end the run before, or {advice}"
+        causes = [f"a step came close to a flat position (condition {run.condition:.1e})"]
+        causes = causes if run.condition > FLAT else []
+        for spring in run.mechanism.loads:
+            if isinstance(spring, Spring) and spring.free_length_m:
+                length = distance_m(spring, run.q)
+                if length.min() < NO_LENGTH * spring.free_length_m:
+                    when = f"near t = {run.time_s[length.argmin()]:.6g} s, where its force turns about"
+                    causes.append(f"spring {spring.name} has next to no length {when}")
+        advice = f"{', '.join(causes)}: end the run before, or {advice}" if causes else advice
         numbers = {"time_s": run.time_s[k], "created_J": created[k], "allowed_J": allowed[k]}
         raise EnergyNotConserved(**numbers, advice=advice)
 
