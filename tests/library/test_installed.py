@@ -57,3 +57,10 @@ def test_the_installed_library_and_command_run_in_a_folder_of_the_users(site: Pa
     run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert len(run.stdout.splitlines()) == 202
+
+
+def test_a_package_of_the_users_in_the_place_of_ours_is_said_in_one_line(site: Path, tmp_path: Path) -> None:
+    (tmp_path / "reference_solver.py").write_text("mine = 'mine'\n")
+    done = python(site, tmp_path, RUN)
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("ImportError: reference_solver: expected crankslider's own, got ")

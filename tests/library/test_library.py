@@ -10,6 +10,29 @@ import crankslider as cs
 from tests.helpers.command import crankslider, table_of
 
 LOOSE: Any = cs.scenes["clearance-driven-0.5mm"]
+THROUGH_ZERO = """
+name = "through-zero"
+end_time_s = 1.0
+observe = "rail.along"
+[ground]
+pins_m = { O = [0.0, 0.0] }
+[body.cart]
+pins_m = { S = 0.0 }
+mass_kg = 1.0
+inertia_kg_m2 = 1.0
+[guide.rail]
+body = "cart"
+pin = "S"
+[spring.s]
+between = ["ground.O", "cart.S"]
+stiffness_N_m = 10.0
+free_length_m = 0.5
+[start]
+position_m = { rail = 0.3 }
+speed_m_s = { rail = -2.0 }
+[drive]
+kind = "free"
+"""
 
 
 def short_run(scene: cs.Scene | str | Path) -> cs.Run:
@@ -47,3 +70,11 @@ def test_quality_says_the_parts_in_one_line(loose_run: cs.Run) -> None:
     assert crankslider("simulate", LOOSE.name, "--end", 0.002, "--samples", 20).stderr.startswith(
         f"note: quality: {said}\n"
     )
+
+
+def test_energy_that_a_spring_without_length_loses_names_it(tmp_path: Path) -> None:
+    """The cart passes the place of the spring's other end, where the force turns about, near 0.17 s."""
+    file = tmp_path / "through-zero.toml"
+    file.write_text(THROUGH_ZERO)
+    with pytest.raises(cs.Failed, match=r"spring s has next to no length near t = 0\.1[67]\d* s"):
+        cs.simulate(file, end=0.3)

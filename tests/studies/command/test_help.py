@@ -1,5 +1,6 @@
 """What the command line says of itself."""
 
+import json
 import re
 from contextlib import nullcontext
 
@@ -15,7 +16,8 @@ from tests.helpers.command import crankslider
 
 def test_scenes_lists_every_scene_with_its_description() -> None:
     listed = crankslider("scenes")
-    lines = listed.stdout.splitlines()
+    lines, as_json = listed.stdout.splitlines(), json.loads(crankslider("scenes", "--json").stdout)
+    assert [each["scene"] for each in as_json] == [*ALL_SCENES]
     assert (listed.code, listed.stderr) == (0, "")
     assert [line.split()[0] for line in lines] == ["scene", *ALL_SCENES]
     for make, line in zip(ALL_SCENES.values(), lines[1:], strict=True):
@@ -26,13 +28,11 @@ def test_scenes_lists_every_scene_with_its_description() -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_engines_lists_every_setting_and_every_scene_that_is_refused_with_the_reason(engine: str) -> None:
-    lines = crankslider("engines", engine).stdout.splitlines()
-    settings = [
-        line.split()[0] for line in lines if re.match("  [a-z]", line) and not line.startswith("  not ")
-    ]
-    assert settings == [*fields(engine_class(engine))]
-    refusals = dict(line[6:].split(": ", 1) for line in lines if line.startswith("  not "))
-    reasons = {name: why for names, why in refusals.items() for name in names.split(", ")}
+    (listed,) = json.loads(crankslider("engines", engine, "--json").stdout)
+    said = crankslider("engines", engine).stdout
+    assert [name for name, *_ in listed["settings"]] == [*fields(engine_class(engine))]
+    reasons = {name: why for why, names in listed["refused"].items() for name in names}
+    assert [word for word in (*fields(engine_class(engine)), *reasons) if word not in said] == []
     for name, make in ALL_SCENES.items():
         refused = pytest.raises(UnsupportedScene, match=re.escape(reasons.get(name, "")))
         with refused if name in reasons else nullcontext():
