@@ -58,7 +58,7 @@ def _figures(results: Results, standings: Standings) -> Iterator[Figure | None]:
     lines = []
     for label, style in styles.items():
         own = ran[ran["label"] == label].sort_values("time_s", kind="stable")
-        spread = [0 * own["time_s"], own["last_s"] - own["time_s"]]
+        spread = np.array([0 * own["time_s"], own["last_s"] - own["time_s"]])
         lines.append(Line(label, own["time_s"], own["error"], style, [*own["setting"]], spread))
     marked: dict[str, Any] = {"level": standings.wanted, "rings": [(chosen.time_s, chosen.error)]}
     panels = [Panel("", "time of the solve [s]", axis, lines, floor=standings.floor, **marked)]

@@ -32,7 +32,7 @@ class ReferenceEngine(Engine):
     ``method = rk4`` is the paper's. In a scene with clearance the run's step is the longest one, taken in
     flight; a contact takes ``steps_per_contact`` shorter ones, graded at both ends, and touch and release are
     located. That number is for a step in which the mechanism turns by 0.3 degrees, at the rate of its start
-    (see ``energy.Scales``), and grows as the step falls, so that halving the step halves both, up to ten thousand.
+    (see ``Scales``), and grows as the step falls, so that halving the step halves both, up to ten thousand.
     Without ``locate_events`` every step has the run's length, as in the paper.
 
     ``method = dop853``, of order 8, and ``dopri5``, of order 5, take steps up to the run's longest that are

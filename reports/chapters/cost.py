@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from reports.equal_error import (
@@ -93,7 +94,7 @@ def cost_panel(ran: pd.DataFrame, rings: Sequence[tuple[float, float]] = ()) -> 
         if best.empty:  # of errors that rank nobody the points are shown, without a line
             best, style = of_engine.assign(kept=of_engine["error"]), {**style, "linestyle": ""}
         marked = mark(best.sort_values("motion_alone").iloc[-1], first["column"])
-        spread = [0 * best["time_s"], best["last_s"] - best["time_s"]]
+        spread = np.array([0 * best["time_s"], best["last_s"] - best["time_s"]])
         notes = [*(best["label"].astype(str) + ", " + best["setting"])]
         lines.append(Line(f"{engine}{marked}", best["time_s"], best["kept"], style, notes, spread))
     axes = ("run time [s]", axis_label(first["column"]))
