@@ -87,8 +87,8 @@ def read_study(folder: Path, study: str) -> Results:
 def published_rows(folder: Path, study: str) -> list[dict[str, Any]]:
     """Return the published rows of a study, each with what it has."""
     path = folder / f"{study}{ENDING}"
-    exactly: Any = {"float_precision": "round_trip", "low_memory": False}
-    table = pd.read_csv(path, keep_default_na=False, na_values=[""], **exactly)
+    exactly: Any = {"float_precision": "round_trip"} if pd.__version__ < "3" else {}  # as later ones are
+    table = pd.read_csv(path, low_memory=False, keep_default_na=False, na_values=[""], **exactly)
     rows = [row.dropna().to_dict() for _, row in table.astype(object).iterrows()]
     return [{"case": f"{study}-{n}", "study": study, "reason": "", **row} for n, row in enumerate(rows)]
 
