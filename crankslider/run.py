@@ -267,10 +267,10 @@ class Comparison:
 
 def require_outputs(scene: Scene, **files: str | Path | None) -> None:
     """Refuse, before any work, files that cannot be written, have other endings, or are one."""
-    places = [place for place in files.values() if place is not None]
-    if len({os.path.realpath(place) for place in places}) < len(places):
-        raise BadInput(f"out: expected a file each, got {', '.join(map(str, places))}")
-    for name, path in ((name, Path(place)) for name, place in files.items() if place is not None):
+    places = {name: Path(place) for name, place in files.items() if place is not None}
+    if len(set(map(os.path.realpath, places.values()))) < len(places):
+        raise BadInput(f"out: expected a file each, got {', '.join(map(str, places.values()))}")
+    for name, path in places.items():
         if name == "impacts" and not scene.clearances:
             raise BadInput(f"impacts: expected a scene with clearance, got {scene.name}, which has none")
         if path.suffix.lower() not in FILES[name]:
@@ -288,11 +288,11 @@ def encode(frame: "pd.DataFrame", place: str | Path, made_by: Mapping[str, Any])
     ending = Path(place).suffix.lower()
     if ending == ".parquet":
         frame.attrs = dict(made_by)  # which Parquet keeps
-        return frame.to_parquet(index=False)  # type: ignore[no-any-return]
+        return bytes(frame.to_parquet(index=False))
     if ending == ".json":
         columns = frame.astype(object).where(frame.notna(), None).to_dict("list")
         return (json.dumps({"made_by": made_by, "columns": columns}) + "\n").encode("utf-8")
-    return frame.to_csv(index=False, lineterminator="\n").encode("utf-8")  # type: ignore[no-any-return]
+    return str(frame.to_csv(index=False, lineterminator="\n")).encode("utf-8")
 
 
 def write_file(argument: str, place: str | Path, content: "bytes | Figure") -> None:
