@@ -390,10 +390,13 @@ def verdicts_on_table(table: str, scene: str) -> "Iterator[Verdict]":
 
     from studies.conform import PLACE_M, STRENGTH, Verdict, within
 
-    columns = pd.read_csv(table)
-    times = columns.get("time_s", pd.Series(1.0)).to_numpy()
-    if not len(times) or np.abs(times - np.linspace(0, times[-1], len(times))).max() > 1e-9 * times[-1]:
-        raise BadInput("from: expected a CSV file with time_s at equal distances from 0 on, got other")
+    try:
+        columns = pd.read_csv(table)
+        times = columns["time_s"].to_numpy(dtype=float)
+        np.testing.assert_allclose(times, np.linspace(0, times[-1], len(times)), atol=1e-9 * times[-1])
+    except (OSError, ValueError, LookupError, AssertionError) as reason:
+        expected = "a CSV file with time_s at equal distances from 0 on"
+        raise BadInput(f"from: expected {expected}, got '{reason}'") from None
     true = truth(scene, end=float(times[-1]), samples=len(times) - 1).frame.reset_index(drop=True)
     true = true.drop(columns="energy_balance_residual_J")
     if not (shared := [name for name in true if name in columns]):
