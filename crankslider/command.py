@@ -175,7 +175,7 @@ def check(given: dict[str, Any]) -> None:
 
 def schema() -> None:
     """Print the JSON schema of scene files, with which editors complete and check them."""
-    from engine_models.scene.schema import scene_schema
+    from engine_models.scene.file import scene_schema
 
     print(json.dumps(scene_schema(), indent=2, ensure_ascii=False))
 

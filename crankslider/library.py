@@ -31,8 +31,8 @@ from engine_models.engine import (
     UnsupportedScene,
 )
 from engine_models.engines import join, make_engine
-from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m, observed_m
+from engine_models.mechanics.trajectory import selected
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
 from engine_models.scene.file import load as load_scene
 from engine_models.scene.format import NonNegative

@@ -141,16 +141,16 @@ def check_energy(run: Solution, scales: Scales, step_s: float, tolerance: float 
     in_play_J = max(np.abs(ledger).max(), kinetic_J(run.mechanism, run.v).max())
     created, allowed = np.abs(ledger.sum(axis=0)), part * in_play_J + ROUND_OFF * own_J
     for k in np.flatnonzero(~(created <= allowed))[:1]:
-        advice = "sharpen the tolerance" if tolerance else "shorten the step, or take a --tolerance"
-        causes = [f"a step came close to a flat position (condition {run.condition:.1e})"]
-        causes = causes if run.condition > FLAT else []
-        for spring in run.mechanism.loads:
-            if isinstance(spring, Spring) and spring.free_length_m:
-                length = distance_m(spring, run.q)
-                if length.min() < NO_LENGTH * spring.free_length_m:
-                    when = f"near t = {run.time_s[length.argmin()]:.6g} s, where its force turns about"
-                    causes.append(f"spring {spring.name} has next to no length {when}")
-        advice = f"{', '.join(causes)}: end the run before, or {advice}" if causes else advice
+        springs = [load for load in run.mechanism.loads if isinstance(load, Spring) and load.free_length_m]
+        parts = {spring.name: distance_m(spring, run.q) / spring.free_length_m for spring in springs}
+        short = {name: run.time_s[part.argmin()] for name, part in parts.items() if part.min() < NO_LENGTH}
+        no_length = "spring {} has next to no length near t = {:.6g} s, where its force turns about"
+        causes = [no_length.format(*each) for each in short.items()]
+        if run.condition > FLAT:
+            causes.append(f"a step came close to a flat position (condition {run.condition:.1e})")
+        sharper = "sharpen the tolerance" if tolerance else "shorten the step"
+        helps = f"{', '.join(causes)}: end the run before" if causes else sharper
+        advice = helps if tolerance else f"{helps}, or take a --tolerance"
         numbers = {"time_s": run.time_s[k], "created_J": created[k], "allowed_J": allowed[k]}
         raise EnergyNotConserved(**numbers, advice=advice)
 

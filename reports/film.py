@@ -16,8 +16,8 @@ from matplotlib.markers import CARETUP
 from matplotlib.patches import Circle, Polygon
 
 from engine_models.engine import FloatArray, Trajectory
-from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import GROUND, Point, direction, point_motion, way
+from engine_models.mechanics.trajectory import selected
 from engine_models.scene.scene import Scene
 from engine_models.watch import tell
 from reports.look import BLUE, GREY, RC, VERMILLION, WIDTH_IN, Picture

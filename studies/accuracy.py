@@ -17,7 +17,7 @@ import numpy as np
 from engine_models import arms
 from engine_models.engine import ROUNDING, Engine, FloatArray, RunSettings, Trajectory
 from engine_models.engines import make_engine
-from engine_models.mechanics.samples import selected
+from engine_models.mechanics.trajectory import selected
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.case import Case, Curves, Row, Value

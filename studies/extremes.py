@@ -18,8 +18,8 @@ import numpy as np
 from engine_models import arms
 from engine_models.engine import FloatArray, ImpossibleScene, RunSettings, Trajectory
 from engine_models.engines import make_engine
-from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
+from engine_models.mechanics.trajectory import selected
 from engine_models.scene.format import SceneError
 from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene, with_fields

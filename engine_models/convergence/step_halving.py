@@ -12,8 +12,8 @@ import numpy as np
 
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory
 from engine_models.mechanics.quality import require_quality
-from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import observed_in_words, observed_m
+from engine_models.mechanics.trajectory import selected
 from engine_models.reference.two_methods import agreed_solution
 from engine_models.scene.scene import Scene
 

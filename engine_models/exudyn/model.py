@@ -280,11 +280,9 @@ class Model:
 
         p, used = numbers_of(self.of, called), set[int]()
         for load in called.values():
-            bodies = (
-                {load.body, load.against} if isinstance(load, loads.Torque) else {load.body_i, load.body_j}
-            )
-            bodies |= {load.law.crank} if isinstance(load.law, loads.ByAngle) else set()
-            used |= {self._places[body][0] for body in bodies - {GROUND}}
+            ends = {load.body, load.against} if isinstance(load, loads.Torque) else {load.body_i, load.body_j}
+            ends |= {load.law.crank} if isinstance(load.law, loads.ByAngle) else set()
+            used |= {self._places[body][0] for body in ends - {GROUND}}
         links = link_rows([self.branches[branch] for branch in sorted(used)])
         start = np.concatenate([self.branches[branch].start for branch in sorted(used)])
         at, out = np.zeros((3, position.size)), np.empty(len(start))

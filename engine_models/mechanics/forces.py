@@ -50,9 +50,8 @@ def driven_speeds(of: MechanismData, time_s: FloatArray) -> FloatArray:
     """Return the speeds that a prescribed motion has at times (n,), in rad/s or along a guide in m/s."""
     assert isinstance(of.drive.law, Motion)
     motion = going_on(of.drive.law, of.drive.clock_s)
-    if isinstance(motion, Ramp):  # of which ``moved`` knows one time
-        x = np.clip((time_s - motion.start_s) / motion.duration_s, 0.0, 1.0)
-        return motion.first + (motion.last - motion.first) * (x * x * x * (10.0 + x * (6.0 * x - 15.0)))
+    if isinstance(motion, Ramp):  # which takes one time
+        return np.array([moved(motion, t)[1] for t in time_s])
     return np.broadcast_to(moved(motion, time_s)[1], len(time_s))
 
 
@@ -133,12 +132,8 @@ def contact_states(
     memory = joint.law.damping_factor / np.maximum(approach_m_s, joint.law.minimum_impact_speed_m_s)
     inside = np.maximum(depth, 0.0)
     elastic, damper = dissipative(joint.law, inside, memory)
-    resisting, friction, lost = (
-        np.where(depth > 0.0, damper * rate, 0.0),
-        np.zeros_like(depth),
-        np.zeros_like(depth),
-    )
-    normal = elastic + resisting
+    resisting, friction = np.where(depth > 0.0, damper * rate, 0.0), np.zeros_like(depth)
+    normal, lost = elastic + resisting, friction
     if joint.friction is not None:
         of_bearing, of_pin = ends_of(joint, position, velocity)
         arm_i = joint.bearing_radius_m + inside / 2  # surfaces meet in the middle of the penetration

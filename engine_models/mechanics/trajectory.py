@@ -1,12 +1,20 @@
-"""Forces of joints, guides and drives by name, and joints with clearance in any states."""
+"""Forces by the names of joints, guides and drive, clearances in any states, and some of all samples."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine_models.engine import Contact, FloatArray
 from reference_solver.mechanism.data import MechanismData
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+#: A dataclass of arrays over samples, and of mappings of arrays or of such records.
+Record = TypeVar("Record", bound="DataclassInstance")
 
 
 @dataclass(frozen=True)
@@ -71,3 +79,18 @@ def reactions_of(
             moments[guide.name] = next(rows)
     ordered = {pin.name: forces[pin.name] for pin in of.pins}
     return Reactions(ordered, across, moments, next(rows) if of.drive.prescribes else torque)
+
+
+def selected(record: Record, which: slice | NDArray[Any]) -> Record:
+    """Return a record, and what it holds by name, with some of its samples; impacts all stay."""
+
+    def some(value: Any) -> Any:
+        return value[which] if isinstance(value, np.ndarray) else selected(value, which)
+
+    kept: dict[str, Any] = {}
+    for name, value in vars(record).items():
+        if isinstance(value, Mapping):
+            kept[name] = {key: some(part) for key, part in value.items()}
+        elif isinstance(value, np.ndarray):
+            kept[name] = some(value)
+    return replace(record, **kept)

@@ -1,4 +1,4 @@
-"""Scenes from TOML files, with every refusal in one plain line."""
+"""Scenes from TOML files, every refusal in one plain line, and the schema by which editors check them."""
 
 import re
 import sys
@@ -6,10 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core.core_schema import DictSchema, FloatSchema
+
 from engine_models.scene.format import SceneError as SceneError
 from engine_models.scene.plain_words import shortened
 from engine_models.scene.scene import Scene, with_fields
+from engine_models.scene.short import CrankSlider
 from engine_models.scene.tables import read_text
+from engine_models.scene.units import NUMBER, UNIT
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -70,3 +76,25 @@ def lines_of(text: str) -> dict[str, int]:
             for count in range(len(names)):
                 lines.setdefault(".".join(names[: count + 1]), number)
     return lines
+
+
+class _AsTyped(GenerateJsonSchema):
+    """The schema of what is typed: names are as they have to be, and a number may be text with a unit."""
+
+    def dict_schema(self, schema: DictSchema) -> JsonSchemaValue:
+        own = super().dict_schema(schema)
+        return {**own, "additionalProperties": False} if "patternProperties" in own else own
+
+    def float_schema(self, schema: FloatSchema) -> JsonSchemaValue:
+        text = {"type": "string", "pattern": rf"^\s*{NUMBER.pattern}\s*{UNIT}$"}
+        return {"anyOf": [super().float_schema(schema), text]}
+
+
+def scene_schema() -> JsonSchemaValue:
+    """Return the JSON schema of what a scene's file may contain. What only belongs together is not in it.
+
+    A file with a crank has the short form, others the general one.
+    """
+    parts = TypeAdapter(CrankSlider | Scene).json_schema(schema_generator=_AsTyped)["$defs"]
+    then, other = ({"$ref": f"#/$defs/{form.__name__}"} for form in (CrankSlider, Scene))
+    return {"$defs": parts, "if": {"required": ["crank"]}, "then": then, "else": other}

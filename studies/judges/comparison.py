@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_models.engine import ROUNDING, Engine, RunSettings, Trajectory
-from engine_models.mechanics.samples import selected
+from engine_models.mechanics.trajectory import selected
 from engine_models.scene.scene import Scene
 from studies.case import Curves, Row
 from studies.judges import metrics

@@ -26,8 +26,8 @@ from engine_models.engine import (
 )
 from engine_models.mechanics.impacts import BESIDE, POINTS, instants_in, with_largest
 from engine_models.mechanics.quality import require_quality
-from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import observed_m
+from engine_models.mechanics.trajectory import selected
 from engine_models.minimal.engine import SharpSolver
 from engine_models.minimal.model import LimitPosition
 from engine_models.reference.engine import SHARPEST, ReferenceEngine

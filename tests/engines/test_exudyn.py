@@ -24,7 +24,7 @@ from engine_models.exudyn.solver import silence
 from engine_models.mechanics.energy import energy_balance_residual_J
 from engine_models.mechanics.start import start_state
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.solution import mechanism_of
+from engine_models.reference.run import mechanism_of
 from engine_models.scene.format import Clearance, Friction
 from engine_models.scene.library import SCENES, clearance, ideal_driven, ideal_free
 from engine_models.scene.scene import Scene

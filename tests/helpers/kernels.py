@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_models.reference.solution import mechanism_of
+from engine_models.reference.run import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.short import assembled
 from reference_solver.mechanism.data import GROUND, Guide

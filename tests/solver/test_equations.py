@@ -15,7 +15,7 @@ import pytest
 
 from engine_models.engine import FloatArray
 from engine_models.mechanics.forces import load_forces
-from engine_models.reference.solution import mechanism_of
+from engine_models.reference.run import mechanism_of
 from engine_models.scene.library import SCENES, ideal_free
 from engine_models.scene.scene import Scene
 from engine_models.scene.short import CrankLoad, assembled

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from engine_models.engine import RunSettings, Trajectory
 from engine_models.reference.engine import ReferenceEngine
-from engine_models.reference.solution import mechanism_of
+from engine_models.reference.run import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations

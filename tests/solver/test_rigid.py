@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from engine_models.mechanics.start import start_state
-from engine_models.reference.solution import mechanism_of
+from engine_models.reference.run import mechanism_of
 from reference_solver.failures import InconsistentStart
 from reference_solver.mechanism.contacts import ContactLaw, RigidWall
 from reference_solver.mechanism.data import FrictionLaw

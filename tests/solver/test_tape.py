@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 
-from engine_models.reference.solution import mechanism_of
+from engine_models.reference.run import mechanism_of
 from engine_models.scene.library import IDEAL_SCENES
 from reference_solver.equations import Equations
 from reference_solver.kernel import Topology, program_of

@@ -8,7 +8,7 @@ import pytest
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.forces import accelerations, on_ground
 from engine_models.mechanics.states import lever_m
-from engine_models.reference.solution import mechanism_of
+from engine_models.reference.run import mechanism_of
 from engine_models.scene.scene import Scene
 from reference_solver.equations import Equations
 from reference_solver.mechanism.contacts import CONTACT, FLIGHT

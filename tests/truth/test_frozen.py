@@ -20,8 +20,8 @@ import pytest
 
 from engine_models.engine import FloatArray, RunSettings, Trajectory
 from engine_models.mechanics.energy import kinetic_energy_J, potential_energy_J
-from engine_models.mechanics.samples import selected
 from engine_models.mechanics.states import lever_m
+from engine_models.mechanics.trajectory import selected
 from engine_models.reference.engine import SHARPEST, ReferenceEngine
 from engine_models.scene.library import ALL_SCENES, SCENES
 from engine_models.scene.scene import Scene

@@ -7,9 +7,8 @@ import jsonschema
 import pytest
 
 import crankslider as cs
-from engine_models.scene.file import from_toml
+from engine_models.scene.file import from_toml, scene_schema
 from engine_models.scene.library import ALL_SCENES
-from engine_models.scene.schema import scene_schema
 from tests.helpers.command import crankslider
 from tests.input.scenes import base
 

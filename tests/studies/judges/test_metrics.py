@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine_models.engine import Trajectory
-from engine_models.mechanics.samples import selected
+from engine_models.mechanics.trajectory import selected
 from engine_models.minimal.engine import SharpSolver
 from engine_models.reference.engine import SHARPEST, ReferenceEngine
 from engine_models.scene.library import clearance, ideal_driven, ideal_free
