@@ -119,7 +119,7 @@ def first_event(run, rows, contacts, h, skip):
 
     An event is numbered 2 k + kind of contact k.
     """
-    event, place, noise = -1, 1.0, gap_noise(run, rows, 0.0)
+    event, place = -1, 1.0
     for k in range(len(contacts)):
         contact, gap, new_gap = contacts[k], gap_of(run, rows, OLD, k), gap_of(run, rows, NEW, k)
         flies, rising = contact.phase == FLIGHT, gap.rate > 0.0
@@ -135,7 +135,7 @@ def first_event(run, rows, contacts, h, skip):
             elif kind == 0 and flies and contact.ignored == 0.0 and rising and new_gap.rate < 0.0:
                 know_slopes(run, h)
                 high = turning(run, rows, contacts, h, k, rising)
-                if gap_of(run, rows, AT, k).g <= max(noise, contact.noise):
+                if gap_of(run, rows, AT, k).g <= max(gap_noise(run, rows, 0.0), contact.noise):
                     continue
             if high > 0.0:
                 x = root(run, rows, contacts, h, 2 * k + kind, low, high)

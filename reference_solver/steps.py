@@ -199,8 +199,8 @@ def graded_step(run, rows, contacts):
             h = min(h, 2.0 * np.pi / (swing * run.per_contact))
         # RK4 follows a damper of rate r up to r h = 2.785, accurately well below it.
         rate = max(contact.mobility * gap.damper, contact.sliding * pressing * contact.friction)
-        if rate > 0.0:
-            h = min(h, decay / rate)
+        if rate * h > decay:
+            h = decay / rate
         if rigid:
             continue
         duration, depth = contact.duration_s, max(gap.depth, 0.0)
@@ -364,11 +364,12 @@ def attempt(run, rows, contacts, method, step, most):
         run.known, old[run.place_of_h] = 0, step.H
         state = run.at + OLD * run.width
         run.worst = call(run.stepped, run.p, run.contacts, run.time, state, run.at + NEW * run.width)
-        total = 0.0
+        overflown = 0
+        for c in range(2 * run.n, size):
+            new[c] += old[c]
         for c in range(size):
-            new[c] += old[c] if c >= 2 * run.n else 0.0
-            total += new[c]
-        return 0.0 if run.worst < np.inf and np.isfinite(total) else np.inf
+            overflown += not abs(new[c]) < np.inf
+        return 0.0 if run.worst < np.inf and overflown == 0 else np.inf
     error = estimated(run, rows, method, step)
     if contacts is not None:
         # Round-off of positions changes forces by the slope of the stiffest contact, and speeds by that for
