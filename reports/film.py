@@ -18,6 +18,7 @@ from matplotlib.patches import Circle, Polygon
 from engine_models.engine import FloatArray, Trajectory
 from engine_models.mechanics.states import GROUND, Point, direction, point_motion, way
 from engine_models.mechanics.trajectory import selected
+from engine_models.scene.plain_words import BadInput
 from engine_models.scene.scene import Scene
 from engine_models.watch import tell
 from reports.look import BLUE, GREY, RC, VERMILLION, WIDTH_IN, Picture
@@ -64,7 +65,10 @@ def film_bytes(scene: Scene, run: Trajectory, exaggerate: float, ending: str) ->
             page, interval_ms = template("film.html.jinja"), 1000 // PER_SECOND
             text: str = page.render(title=scene.name, pictures=pictures, interval_ms=interval_ms)
             return text.encode("utf-8")
-        writer = {".gif": PillowWriter, ".mp4": FFMpegWriter}[ending](fps=PER_SECOND)
+        kind = {".gif": PillowWriter, ".mp4": FFMpegWriter}[ending]
+        if not kind.isAvailable():
+            raise BadInput("animate: expected a file .html or .gif, or ffmpeg installed, got none for .mp4")
+        writer = kind(fps=PER_SECOND)
         with writer.saving(stage.picture, file, DPI):
             for time_s in stage.pictures():
                 writer.grab_frame()

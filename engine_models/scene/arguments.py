@@ -24,7 +24,7 @@ def in_words(unit: str = "") -> Any:
 
     def number(value: object) -> object:
         if isinstance(value, str) and NUMBER.fullmatch(value):
-            return int(value) if value.isdigit() else float(value)
+            return int(value) if value.lstrip("+-").isdigit() else float(value)
         return in_unit(value, unit) if unit else value
 
     return BeforeValidator(number)
