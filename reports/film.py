@@ -65,10 +65,9 @@ def film_bytes(scene: Scene, run: Trajectory, exaggerate: float, ending: str) ->
             page, interval_ms = template("film.html.jinja"), 1000 // PER_SECOND
             text: str = page.render(title=scene.name, pictures=pictures, interval_ms=interval_ms)
             return text.encode("utf-8")
-        kind = {".gif": PillowWriter, ".mp4": FFMpegWriter}[ending]
-        if not kind.isAvailable():
+        if ending == ".mp4" and not FFMpegWriter.isAvailable():
             raise BadInput("animate: expected a file .html or .gif, or ffmpeg installed, got none for .mp4")
-        writer = kind(fps=PER_SECOND)
+        writer = {".gif": PillowWriter, ".mp4": FFMpegWriter}[ending](fps=PER_SECOND)
         with writer.saving(stage.picture, file, DPI):
             for time_s in stage.pictures():
                 writer.grab_frame()
