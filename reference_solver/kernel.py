@@ -99,7 +99,8 @@ class Topology:
 class Given:
     """What a function of a kernel is given: a topology's equations and a state, in numbers or on a tape.
 
-    ``phases`` (K, 2) are phase and memory of every contact; ``h`` and ``lost`` (2n,) are of a step.
+    ``phases`` (K, 2) are phase and memory of every contact; ``h``, ``lost`` (2n,) and
+    ``sums`` (s,) are of a step.
     """
 
     topology: Topology
@@ -110,6 +111,7 @@ class Given:
     phases: Array
     h: Scalar = 0.0
     lost: Array | None = None
+    sums: Array | None = None
 
     @cached_property
     def answer(self) -> Answer:
@@ -202,15 +204,15 @@ def walls(given: Given) -> list[Scalar]:
 
 
 def stepped(given: Given) -> list[Scalar]:
-    """q, q' and sums of the step alone after a step of h, the gaps, 0 for h, and what rounding has taken."""
+    """y after a step of h, the gaps, 0 for h, and what rounding has taken."""
     answer = partial(given.equations.answer, phases=given.phases)
     projected = partial(given.equations.project, phases=given.phases) if given.topology.projected else None
     after = step(given.topology.method, answer, projected, given.t, given.q, given.v, given.h, given.lost)
     end = replace(given, t=given.t + given.h, q=after.q, v=after.v)
     *fields, condition = gaps(end)
-    ok = both(after.ok, condition < math.inf)
-    y = [*after.q, *after.v, *after.sums.values(), after.removed, *fields]
-    return [*y, 0.0, *after.lost, choose(ok, after.condition, math.inf)]
+    y = [*after.q, *after.v, *(given.sums + array([*after.sums.values(), after.removed]))]
+    ok = both(both(after.ok, condition < math.inf), abs(sum(y)) < math.inf)
+    return [*y, *fields, 0.0, *after.lost, choose(ok, after.condition, math.inf)]
 
 
 #: The functions of a kernel by their names.
@@ -249,9 +251,11 @@ def given_on(tape: Tape, topology: Topology) -> Given:
     mechanism, baumgarte = lifted((topology.mechanism, topology.baumgarte), number)
     q_start = np.array([number(0.0) for _ in range(n)], dtype=object)
     equations = Equations(mechanism, q_start, baumgarte, topology.following)
-    h = 2 * n + len(equations.power_names) + 1 + GAP_FIELDS * len(contacts)
-    q, v, lost = tape.inputs("y", 0, n), tape.inputs("y", n, n), tape.inputs("y", h + 1, 2 * n)
-    return Given(topology, equations, tape.input("t"), q, v, array(phases), tape.input("y", h), lost)
+    sums = len(equations.power_names) + 1
+    h = 2 * n + sums + GAP_FIELDS * len(contacts)
+    q, v, of_y = tape.inputs("y", 0, n), tape.inputs("y", n, n), tape.inputs("y", 2 * n, sums)
+    lost = tape.inputs("y", h + 1, 2 * n)
+    return Given(topology, equations, tape.input("t"), q, v, array(phases), tape.input("y", h), lost, of_y)
 
 
 class Kernel:

@@ -169,10 +169,9 @@ def outcomes(recipe: Recipe) -> tuple[dict[str, FloatArray], dict[str, FloatArra
     equations = Equations(topology.mechanism, q_start, topology.baumgarte, topology.following)
     if not equations.answer(t, q, v, phases).condition < WELL_CONDITIONED:
         return {}, {}
-    given, kernel = Given(topology, equations, t, q, v, phases, h, lost), Kernel(topology, q_start)
-    place = 2 * n + len(equations.power_names) + 1 + GAP_FIELDS * len(joints)
-    y = np.zeros(place + 1 + 2 * n)
-    y[:n], y[n : 2 * n], y[place], y[place + 1 :] = q, v, h, lost
+    sums = random.uniform(-1.0, 1.0, len(equations.power_names) + 1)
+    given, kernel = Given(topology, equations, t, q, v, phases, h, lost, sums), Kernel(topology, q_start)
+    y = np.concatenate([q, v, sums, np.zeros(GAP_FIELDS * len(joints)), [h], lost])
     compiled, numbers = dict[str, FloatArray](), dict[str, FloatArray]()
     for name in FUNCTIONS.keys() & kernel.functions.keys():
         numbers[name] = np.array(FUNCTIONS[name](given), dtype=float)
