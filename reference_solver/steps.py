@@ -172,45 +172,40 @@ def in_flight(run, rows, contacts, of, h, part):
 
 
 @inner
-def graded(h, duration, distance, shortest):
-    """Return the step at a distance in time from an end of a contact, for a grid (i/N)^2, N = duration/h."""
-    step = h * h / duration + 2.0 * h * np.sqrt(max(distance, 0.0) / duration)
-    return min(h, max(step, shortest))
-
-
-@inner
 def graded_step(run, rows, contacts):
     """Return the longest step of RK4 that the phases allow.
 
     A contact's own times are its duration, half a period of its spring, the time in which its damper or its
     friction, below the regularisation speed, takes a speed away, and the period of the pin that swings along
-    its wall, pressed onto it by N: 2 pi/sqrt(N w/c) with w the mobility there. All are cut alike.
+    its wall, pressed onto it by N: 2 pi/sqrt(N w/c) with w the mobility there. All are cut alike, and the
+    duration T as by the grid T (i/N)^2 from both its ends: at x from one of them T/N^2 + 2 sqrt(T x)/N.
     """
     h = in_flight(run, rows, contacts, OLD, run.longest, FLIGHT_PART)
-    decay = min(0.5, 200.0 / run.per_contact)
+    decay, part = min(0.5, 200.0 / run.per_contact), 1.0 / run.per_contact
     for k in range(len(contacts)):
         contact, gap = contacts[k], gap_of(run, rows, OLD, k)
         if contact.phase == FLIGHT:
             continue
         rigid = contact.rigid != 0.0
         pressing = gap.push if rigid else gap.elastic * max(1.0, gap.push)
-        swing = np.sqrt(max(pressing, 0.0) * contact.following / contact.clearance)
+        swing = pressing * contact.following
         if swing > 0.0:
-            h = min(h, 2.0 * np.pi / (swing * run.per_contact))
+            h = min(h, 2.0 * np.pi * part * np.sqrt(contact.clearance / swing))
         # RK4 follows a damper of rate r up to r h = 2.785, accurately well below it.
         rate = max(contact.mobility * gap.damper, contact.sliding * pressing * contact.friction)
         if rate * h > decay:
             h = decay / rate
         if rigid:
             continue
-        duration, depth = contact.duration_s, max(gap.depth, 0.0)
+        duration, depth, per_way = contact.duration_s, max(gap.depth, 0.0), 1.0 / abs(gap.rate)
+        pushed = contact.exponent * gap.elastic * contact.mobility
         if depth > 0.0:
-            slope = contact.exponent * gap.elastic / depth
-            duration = min(duration, np.pi / np.sqrt(slope * contact.mobility))
-        longest, shortest = duration / run.per_contact, SHORTEST_WAY * contact.clearance / abs(gap.rate)
-        h = min(h, graded(longest, duration, run.time - contact.began_s, shortest))
+            duration = min(duration, np.pi * np.sqrt(depth / pushed))
+        distance = run.time - contact.began_s
         if gap.rate < 0.0:
-            h = min(h, graded(longest, duration, -depth / gap.rate, shortest))
+            distance = min(distance, depth * per_way)
+        graded = part * (part * duration + 2.0 * np.sqrt(duration * max(distance, 0.0)))
+        h = min(h, part * duration, max(graded, SHORTEST_WAY * contact.clearance * per_way))
     return h
 
 
