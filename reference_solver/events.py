@@ -18,8 +18,8 @@ MOST_HALVED = 20
 PAST = 1e-10
 #: Parts of the tolerance and of the clearance within which a step ends on its event; the most trials for it.
 LANDING, LANDING_CLEARANCE, LANDINGS = 1e-2, 2e-6, 6
-#: The part of a step to which a contact's largest force is located.
-PEAK = 1e-6
+#: The parts of a step to which the turn of a gap is located, and a contact's largest force.
+TURNED, PEAK = 1e-9, 1e-6
 
 
 @inner
@@ -66,20 +66,25 @@ def alarm_at(run, rows, contacts, h, x, event):
 
 @inner
 def turning(run, rows, contacts, h, k, rising):
-    """Return where the gap of a contact turns that is rising, or falling, at a step's start.
+    """Return where the gap of a contact turns that is rising, or falling, at a step's start (Illinois method).
 
     A rising one is followed no further than to where it is past its wall.
     """
     low, high = 0.0, 1.0
+    low_rate, high_rate = gap_of(run, rows, OLD, k).rate, gap_of(run, rows, NEW, k).rate
     for _ in range(30):
-        x = 0.5 * (low + high)
-        value = alarm_at(run, rows, contacts, h, x, 2 * k)
+        if high - low < TURNED:
+            break
+        x = high - high_rate * (high - low) / (high_rate - low_rate)
+        if not low < x < high:
+            x = 0.5 * (low + high)
+        value, rate = alarm_at(run, rows, contacts, h, x, 2 * k), gap_of(run, rows, AT, k).rate
         if rising and contacts[k].phase == FLIGHT and value > 0.0:
             return x
-        if (gap_of(run, rows, AT, k).rate > 0.0) == rising:
-            low = x
+        if (rate > 0.0) == rising:
+            low, low_rate, high_rate = x, rate, 0.5 * high_rate
         else:
-            high = x
+            high, high_rate, low_rate = x, rate, 0.5 * low_rate
     return high
 
 
