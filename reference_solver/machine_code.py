@@ -33,8 +33,8 @@ from reference_solver.tape import FloatArray, Node, Scalar, Scope, Tape, Value
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: How Numba compiles what calls such functions: counting references to rows would cost DOP853 a tenth.
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+#: How Numba compiles what calls such functions.
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 ARGUMENTS = "ptr noalias readonly %p, ptr noalias readonly %contacts, double %t, ptr noalias readonly %y"
 BINARY = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
 #: Functions of one number and of two, by their names on tapes.
