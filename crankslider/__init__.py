@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from crankslider.library import compare, load, scenes, simulate, sweep, truth
     from crankslider.run import Run
     from engine_models.scene.scene import Scene
-    from studies.running.failures import BadInput, Failed
+    from studies.failures import BadInput, Failed
 
 __all__ = ["BadInput", "Failed", "Run", "Scene", "compare", "load", "scenes", "simulate", "sweep", "truth"]
 

@@ -27,7 +27,7 @@ from typing import Annotated, Any, get_args, get_origin
 import typer
 from typer import Argument, Option, Typer
 
-from studies.running.failures import BadInput, Failed, bug, log, progress_console, writing
+from studies.failures import BadInput, Failed, bug, log, progress_console, writing
 
 INTERRUPTED = 130
 #: Whose functions no interrupt may leave: LLVM calls them, and goes on with half a result. It comes again.

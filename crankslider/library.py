@@ -39,7 +39,7 @@ from engine_models.scene.format import NonNegative
 from engine_models.scene.library import ALL_SCENES
 from engine_models.scene.plain_words import expect, one_of, unknown
 from engine_models.scene.scene import Scene
-from studies.running.failures import BadInput, Failed, progress_console, writing
+from studies.failures import BadInput, Failed, progress_console, writing
 
 if sys.version_info >= (3, 11):
     import tomllib

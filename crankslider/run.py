@@ -20,8 +20,8 @@ from engine_models.scene.arguments import Place, check_arguments, in_words
 from engine_models.scene.format import Positive
 from engine_models.scene.plain_words import one_of, shown, unknown
 from engine_models.scene.scene import Scene
+from studies.failures import BadInput, writing
 from studies.judges.columns import impact_columns, sample_columns
-from studies.running.failures import BadInput, writing
 
 if TYPE_CHECKING:
     import pandas as pd

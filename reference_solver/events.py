@@ -66,7 +66,7 @@ def alarm_at(run, rows, contacts, h, x, event):
 
 @inner
 def turning(run, rows, contacts, h, k, rising):
-    """Return where the gap of a contact turns that is rising, or falling, at a step's start (Illinois method).
+    """Return where a gap turns that is rising, or falling, at a step's start (Illinois method).
 
     A rising one is followed no further than to where it is past its wall.
     """

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure as Drawing
 
 from reports.look import ABSENT, ENGINES, picture_bytes, plain, quantity
 from reports.results import NoResults, Results, Studies, read_study
-from studies.running.failures import Failed
+from studies.failures import Failed
 
 #: What marks a folder as a report, so that nothing else is ever replaced; the file of its claims.
 GENERATOR, FINDINGS = '<meta name="generator" content="crankslider">', "findings.json"

@@ -17,12 +17,12 @@ from engine_models.engine import RunSettings
 from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
 from studies.case import Case, Row, run_case
+from studies.failures import BadInput, Failed, log, progress_console, writing
 from studies.judges.impact_matching import FORCE_ERROR
 from studies.judges.metrics import is_force
-from studies.running.failures import BadInput, Failed, log, progress_console, writing
 from studies.running.workers import Ended, Pool
 
-FOLDER, FILE = Path(__file__).parent, "baselines.csv"
+FOLDER, FILE = Path(__file__).parents[1] / "tests" / "accuracy", "baselines.csv"
 RUN = ["scene", "engine", "configuration", "setting"]
 #: The numbers, and up to what size each is round-off.
 FLOORS = {

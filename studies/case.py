@@ -20,7 +20,7 @@ from engine_models.arms import MEANINGS, Arm, Setting
 from engine_models.engine import FloatArray, RunSettings, SimulationFailed, UnsupportedScene
 from engine_models.engines import engine_module
 from engine_models.scene.scene import Scene
-from studies.running.failures import Failed, bug
+from studies.failures import Failed, bug
 
 Value = str | int | float | bool | None
 #: One flat row of results: units are in the column names, failures have ``status`` and ``reason``.

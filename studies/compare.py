@@ -14,9 +14,9 @@ from engine_models.scene.plain_words import unknown
 from engine_models.scene.scene import Scene
 from studies import accuracy, cost
 from studies.case import Case, Curves, Row
+from studies.failures import BadInput
 from studies.judges.converged_truth import GRID, converged, followed
 from studies.judges.metrics import signals, with_suffix
-from studies.running.failures import BadInput
 from studies.settings import Rung, configurations, ladder
 
 NAME = "compare"

@@ -25,8 +25,8 @@ from engine_models.scene.plain_words import shown
 from engine_models.scene.scene import Scene
 from engine_models.scene.units import in_unit, unit_of
 from studies.case import Case, Curves, Row, Value
+from studies.failures import BadInput
 from studies.judges.closing import closed
-from studies.running.failures import BadInput
 
 NAME = "sweep"
 Sample = Literal["grid", "random", "latin-hypercube", "sobol"]

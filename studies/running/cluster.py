@@ -8,7 +8,7 @@ from threading import local
 from typing import Any
 
 from studies.case import code_of
-from studies.running.failures import BadInput, Failed
+from studies.failures import BadInput, Failed
 from studies.running.workers import KILLED, Ended, Worker
 
 #: How long a scheduler may take to answer, in s.

@@ -8,7 +8,7 @@ from typing import Any
 from rich.progress import Progress
 
 from studies.case import Case, Curves, Row, code_of, ended, provenance, run_case
-from studies.running.failures import Failed, progress_console
+from studies.failures import Failed, progress_console
 from studies.running.store import Store
 from studies.running.workers import KILLED, Ended, Pool
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from studies.case import Curves, Row
-from studies.running.failures import BadInput
+from studies.failures import BadInput
 from studies.running.workers import KILLED
 
 #: The file of a results folder, and beside it the one that a run locks.

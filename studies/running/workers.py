@@ -19,7 +19,7 @@ from tempfile import TemporaryFile
 from typing import Any, TypeVar
 
 from engine_models.engine import SimulationFailed, UnsupportedScene
-from studies.running.failures import BadInput, Failed, bug
+from studies.failures import BadInput, Failed, bug
 
 T = TypeVar("T")
 #: How a call ended whose process did: by its own doing, at its limit, or by somebody else's.

@@ -11,7 +11,7 @@ from engine_models.arms import Arm
 from engine_models.engines import make_engine
 from studies import baselines
 from studies.baselines import FLOORS, FOLDER, differences, measure_all, read
-from studies.running.failures import BadInput
+from studies.failures import BadInput
 
 RUNS = {
     "loose": ("clearance-x", "step 1 s"),

@@ -6,7 +6,7 @@ import pytest
 from matplotlib.collections import PathCollection
 
 from reports.run_figures import sweep_picture
-from studies.running.failures import BadInput
+from studies.failures import BadInput
 
 CLEARANCE, SPEED = "clearance.B.radial_clearance_m", "start.crank_speed_rad_s"
 FORCE = "largest_contact_force_N"

@@ -19,7 +19,7 @@ from engine_models.scene.library import ideal_free
 from studies import case as cases_module
 from studies import extremes
 from studies.case import Case, Row, code_of, project_code, run_case
-from studies.running.failures import Failed
+from studies.failures import Failed
 from studies.running.runner import Call, lacks
 from studies.running.store import LOCK, Store
 from studies.running.workers import KILLED

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from studies.case import Case, run_case
-from studies.running.failures import Failed
+from studies.failures import Failed
 from studies.running.store import Store
 from studies.running.workers import Ended, Pool
 from tests.helpers.mischief import NAME, case

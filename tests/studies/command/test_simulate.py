@@ -13,7 +13,7 @@ from engine_models.engines import make_engine
 from engine_models.scene.library import SCENES
 from reports.look import command
 from studies.accuracy import cases
-from studies.running.failures import Failed
+from studies.failures import Failed
 from tests.helpers.command import crankslider, table_of
 from tests.helpers.ideal_crank_slider import exact
 
