@@ -94,14 +94,10 @@ def energy_in_play_J(scene: Scene, trajectory: Trajectory) -> float:
     parts = [kinetic, np.abs(potential - potential[0]), *map(np.abs, trajectory.load_work_J.values())]
     if trajectory.driver_work_J is not None:
         parts.append(np.abs(trajectory.driver_work_J))
-    rounding = ROUND_OFF * _of_forces_J(scene, trajectory) + LEAST_J
-    return float(np.max(parts, initial=0.0, where=np.isfinite(parts)) + rounding)
-
-
-def _of_forces_J(scene: Scene, trajectory: Trajectory) -> float:
-    """Return what weight, joints and driver do in a radian of the crank at most, by their medians."""
+    # Of round-off is what weight, joints and driver do in a radian of the crank at most, by their medians.
     of, torque = scene.mechanism, trajectory.driver_torque_N_m
     forces_N = math.hypot(*of.gravity_m_s2) * sum(body.mass_kg for body in of.bodies)
     forces_N += sum(float(np.median(np.hypot(*force.T))) for force in trajectory.joint_force_N.values())
     torque_N_m = 0.0 if torque is None else float(np.median(np.abs(torque)))
-    return forces_N * lever_m(scene) + torque_N_m
+    rounding = ROUND_OFF * (forces_N * lever_m(scene) + torque_N_m) + LEAST_J
+    return float(np.max(parts, initial=0.0, where=np.isfinite(parts)) + rounding)

@@ -89,20 +89,15 @@ def quality_of(scene: Scene, trajectory: Trajectory) -> Quality:
         if of.ideal or of.guides:
             found[GAP] = constraint_violation_m(scene, trajectory) / shortest_m(scene)
         if trajectory.contacts:
-            radius = {name: clearance.bearing_radius_m for name, clearance in scene.clearances.items()}
-            depths = [deepest_m(trajectory, name) / radius[name] for name in trajectory.contacts]
-            found[PENETRATION] = np.maximum(np.max(depths, axis=0), 0.0)
+            found[PENETRATION] = np.zeros(len(trajectory.time_s))
+        for name, contact in trajectory.contacts.items():  # an impact's deepest is at the sample after it
+            impacts, depth = contact.impacts, contact.penetration_m.copy()
+            after = np.searchsorted(trajectory.time_s, impacts.largest_penetration_time_s)
+            np.fmax.at(depth, after.clip(max=len(depth) - 1), impacts.largest_penetration_m)  # NaN: rigid
+            part = depth / scene.clearances[name].bearing_radius_m
+            found[PENETRATION] = np.maximum(found[PENETRATION], part)
     finite = {what: np.where(np.isfinite(part), part, np.inf) for what, part in found.items()}
     return Quality(finite, trajectory.time_s, trajectory.step_s)
-
-
-def deepest_m(trajectory: Trajectory, joint: str) -> FloatArray:
-    """Return a joint's penetration (n,) at samples, an impact's deepest at the sample after it."""
-    contact = trajectory.contacts[joint]
-    impacts, depth = contact.impacts, contact.penetration_m.copy()
-    after = np.searchsorted(trajectory.time_s, impacts.largest_penetration_time_s).clip(max=len(depth) - 1)
-    np.fmax.at(depth, after, impacts.largest_penetration_m)  # NaN between rigid walls
-    return np.asarray(depth)
 
 
 def require_quality(scene: Scene, trajectory: Trajectory) -> Trajectory:

@@ -37,7 +37,12 @@ def inspect(scene: Scene) -> list[str]:
         raise ImpossibleStart(f"start: {dependence(own)}")
     engine = ReferenceEngine(method="dop853", step_tolerance=TOLERANCE)
     run = engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
-    lines = [_size(scene, rank), *_start(scene), *_singular(scene, run)]
+    start = "by the closed formulas of a crank-slider or a pendulum"
+    if scene.start.states:
+        start = "as the file gives it, the state of every body"
+    elif scene.placed.moved is not None:
+        start = f"put together, {scene.placed.moved} from what the file tells"
+    lines = [_size(scene, rank), f"start: {start}", *_singular(scene, run)]
     return lines + (_turning_points(scene, run) if rank.freedoms == 1 else [])
 
 
@@ -54,15 +59,6 @@ def _size(scene: Scene, rank: Rank) -> str:
 def _counted(count: int, noun: str) -> str:
     plural = {"body": "bodies"}.get(noun, f"{noun}s")
     return f"{count} {noun if count == 1 else plural}"
-
-
-def _start(scene: Scene) -> list[str]:
-    """Return how the start was put together, of a plain crank-slider nothing: closed formulas give it."""
-    if scene.start.states:
-        return ["start: as the file gives it, the state of every body"]
-    if scene.placed.moved is None:
-        return ["start: by the closed formulas of a crank-slider or a pendulum"]
-    return [f"start: put together, {scene.placed.moved} from what the file tells"]
 
 
 def _singular(scene: Scene, run: Trajectory) -> list[str]:

@@ -86,7 +86,12 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
             apart.append(float(found.apart_m[-1]))
             if apart[-1] <= tolerance_m:
                 return found
-            failure = _parted(found, tolerance_m)
+            when = found.run.time_s[int(np.argmax(found.apart_m > tolerance_m))]
+            failure = SimulationFailed(
+                f"two methods part at t = {when:.6g} s, and are {found.apart_m[-1]:.3g} m apart at the end: "
+                "what comes then depends on round-off, or on steps too short to take; end the run before, or "
+                "ask for less"
+            )
         if sharp == SHARPEST and not apart[0] <= 0.5 * best:
             break
         best, sharp = min(best, apart[0]), sharper
@@ -94,14 +99,6 @@ def agreed_solution(scene: Scene, tolerance_m: float, samples: int) -> Solution:
         if end_s > MOST_STEPS * step:
             break
     raise failure
-
-
-def _parted(found: Solution, tolerance_m: float) -> SimulationFailed:
-    when = found.run.time_s[int(np.argmax(found.apart_m > tolerance_m))]
-    return SimulationFailed(
-        f"two methods part at t = {when:.6g} s, and are {found.apart_m[-1]:.3g} m apart at the end: what "
-        "comes then depends on round-off, or on steps too short to take; end the run before, or ask for less"
-    )
 
 
 def _run(scene: Scene, samples: int, step_s: float, **settings: Any) -> Trajectory:
