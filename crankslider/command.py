@@ -30,8 +30,9 @@ from typer import Argument, Option, Typer
 from studies.failures import BadInput, Failed, bug, log, progress_console, writing
 
 INTERRUPTED = 130
-#: Whose functions no interrupt may leave: LLVM calls them, and goes on with half a result. It comes again.
-UNBREAKABLE, AGAIN_S = "llvmlite.", 0.01
+#: Whose functions no interrupt may leave: it comes again. LLVM, which calls them, would go on with half a
+#: result, and pydantic without having heard it.
+UNBREAKABLE, AGAIN_S = ("llvmlite.", "pydantic."), 0.01
 QUIET = Annotated[bool, Option("--quiet", help="Print neither notes nor progress, and no table of samples.")]
 
 
@@ -351,7 +352,7 @@ COMMANDS: dict[Callable[..., None], tuple[str, ...]] = {
 
 
 def interrupt(_: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, unless that would break LLVM: then the signal comes again."""
+    """Raise KeyboardInterrupt, unless it would do harm or be lost: then the signal comes again."""
     if any(each.f_globals.get("__name__", "").startswith(UNBREAKABLE) for each, _ in walk_stack(frame)):
         signal.signal(signal.SIGALRM, interrupt)
         signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
