@@ -14,7 +14,7 @@ from matplotlib.figure import Figure as Drawing
 
 from reports.look import ABSENT, ENGINES, picture_bytes, plain, quantity
 from reports.results import NoResults, Results, Studies, read_study
-from studies.failures import Failed
+from studies.failures import BadInput, Failed
 
 #: What marks a folder as a report, so that nothing else is ever replaced; the file of its claims.
 GENERATOR, FINDINGS = '<meta name="generator" content="crankslider">', "findings.json"
@@ -262,7 +262,10 @@ def template(name: str) -> Any:
 
 def read_claims(report: Path) -> dict[str, str]:
     """Return the numbers of a report's claims as text, by their names."""
-    claims = json.loads((report / FINDINGS).read_text(encoding="utf-8"))["claims"]
+    try:
+        claims = json.loads((report / FINDINGS).read_text(encoding="utf-8"))["claims"]
+    except (ValueError, LookupError, TypeError):
+        raise BadInput(f"against: expected a report's {FINDINGS}, got a damaged one in {report}") from None
     numbers = [(claim["id"], *number) for claim in claims for number in claim["numbers"].items()]
     return {f"{claim} {name}": quantity(*number[:2]) for claim, name, number in numbers}
 
