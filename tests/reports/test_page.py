@@ -125,6 +125,9 @@ def test_text_is_escaped_and_the_numbers_of_two_reports_stand_side_by_side(
     assert dash == "–"
     assert lines["stability/other", "called"] == [called, "–"]
     assert lines["stability/energy-growth", "runs"] == ["15", "15"]
+    (before / FINDINGS).write_text("{")
+    done = crankslider("report", "--results", small, "--out", after, "--against", before)
+    assert done.stderr == f"error: against: expected a report's {FINDINGS}, got a damaged one in {before}\n"
 
 
 # All or nothing
