@@ -18,8 +18,9 @@ from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.run import AT, DENSE, END, NEW, OLD, RECORDS, SLOPES, START, Run
 
 #: How ``advance`` ends: at the end, with its budget of steps used, with the log full, at a step that met a
-#: singular configuration or overflowed, or at an event on a rigid wall from which on other pins follow.
-DONE, SPENT, FULL, FAILED, WALL = range(5)
+#: singular configuration or overflowed, at an event on a rigid wall from which on other pins follow, or before
+#: a step within which a sample lies, where no dense output has been compiled.
+DONE, SPENT, FULL, FAILED, WALL, WITHIN = range(6)
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
 #: Mobilities are looked up again after so many steps, in which bodies turn little.
@@ -142,8 +143,8 @@ def move_on(run, rows, contacts, method, step, error, event, factor):
 def advance(state, rows, contacts, method, knots, times, samples):
     """Advance the motion to the run's end in place, event by event; return how that ended.
 
-    See ``run.Run`` of the arguments; contacts, method and knots may be None. Events are added to the log,
-    and a sample is written for each of the times up to the end; steps do not depend on them.
+    See ``run.Run`` of the arguments; contacts, method and knots may be None (see ``loop_of``). Events are
+    added to the log, and a sample is written for each of the times up to the end; steps do not depend on them.
     """
     run = state[0]
     if run.resumed == 0:  # a run, or a part of it, begins
@@ -197,10 +198,14 @@ def advance(state, rows, contacts, method, knots, times, samples):
             if not t + run.step > t or run.rejected >= steps.MOST_REJECTIONS:
                 return FAILED
             continue
+        if knots is None:
+            if run.taken < len(times) and times[run.taken] + run.slack < step.end:
+                return WITHIN
         run.steps += 1
         if event < 0 or place > 0.0:
-            if not write_within(run, rows, contacts, method, times, samples, step):
-                return FAILED
+            if knots is not None:
+                if not write_within(run, rows, contacts, method, times, samples, step):
+                    return FAILED
             if contacts is not None:
                 events.note_largest(run, rows, contacts, step.end - t)
             move_on(run, rows, contacts, method, step, error, event, factor)
@@ -216,10 +221,11 @@ def advance(state, rows, contacts, method, knots, times, samples):
 
 
 @cache
-def loop_of(loose: bool, controlled: bool, knotted: bool) -> Callable[[Run], int]:
-    """Return what advances runs: with contacts or without, by a method's error or not, with knots or without.
+def loop_of(loose: bool, controlled: bool, within: bool) -> Callable[[Run], int]:
+    """Return what advances runs: with contacts or without, by a method's error or not.
 
-    It is compiled now, or was before.
+    ``within`` has it end steps at knots, and write samples that lie within a step; what does neither takes
+    half as long to compile. That is done now, or was before.
     """
 
     def made() -> tuple[Any, Callable[..., Any]]:
@@ -232,7 +238,7 @@ def loop_of(loose: bool, controlled: bool, knotted: bool) -> Callable[[Run], int
                 carray(rows, (of[2], of[3])),
                 carray(contacts, of[0]) if loose else None,
                 carray(method, 1) if controlled else None,
-                carray(knots, of[1]) if knotted else None,
+                carray(knots, of[1]) if within else None,
                 carray(times, of[4]),
                 carray(samples, (of[4], of[5])),
             )
@@ -240,7 +246,7 @@ def loop_of(loose: bool, controlled: bool, knotted: bool) -> Callable[[Run], int
         records = map(from_dtype, RECORDS)
         return int64(*map(types.CPointer, (*records, float64, float64, float64, int64))), enter
 
-    loop = entry(f"loop_{loose:d}{controlled:d}{knotted:d}", made)
+    loop = entry(f"loop_{loose:d}{controlled:d}{within:d}", made)
     function = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 8)(loop.address)
 
     def take_on(run: Run, _: Function = loop) -> int:

@@ -14,7 +14,7 @@ from reference_solver.energy import FLAT, Scales, check_drift, check_energy, sca
 from reference_solver.equations import Baumgarte, Equations
 from reference_solver.impacts import BLOCKED, PARADOX, SINGULAR
 from reference_solver.kernel import Kernel, Topology
-from reference_solver.loop import DONE, FAILED, FULL, SPENT, WALL, loop_of
+from reference_solver.loop import DONE, FAILED, FULL, SPENT, WALL, WITHIN, loop_of
 from reference_solver.mechanism.contacts import separation
 from reference_solver.mechanism.mechanism import Mechanism
 from reference_solver.mechanism.points import State
@@ -102,8 +102,8 @@ class Solver:
         self._kernels: dict[tuple[int, ...], Kernel] = {}
         self.steps = self.settled = 0
         self._kernel(())  # compiled or loaded here and not in the run, as the loop
-        loose, knotted = bool(mechanism.contacts), bool(mechanism.knots_by_angle)
-        self._advance = loop_of(loose, bool(self._method.estimates), knotted)
+        loose, controlled = bool(mechanism.contacts), bool(self._method.estimates)
+        self._advance = loop_of(loose, controlled, loose or controlled or bool(mechanism.knots_by_angle))
 
     def _kernel(self, following: tuple[int, ...]) -> Kernel:
         if following not in self._kernels:
@@ -195,6 +195,8 @@ class Solver:
             self.steps, self.settled = int(state["steps"]), int(state["settled"])
             if tell is not None:
                 tell(float(state["time"]))
+            if status == WITHIN:
+                self._advance = loop_of(False, False, True)
             if status == FAILED:
                 self._refuse(following, run)
             if status == WALL:
