@@ -33,6 +33,8 @@ INTERRUPTED = 130
 #: Whose functions no interrupt may leave: it comes again. LLVM, which calls them, would go on with half a
 #: result, and pydantic without having heard it.
 UNBREAKABLE, AGAIN_S = ("llvmlite.", "pydantic."), 0.01
+#: What a figure shows.
+OF_PLOT = "plot_columns", "show"
 QUIET = Annotated[bool, Option("--quiet", help="Print neither notes nor progress, and no table of samples.")]
 
 
@@ -76,6 +78,8 @@ def with_options(function: Callable[..., None], paths: Sequence[str]) -> Callabl
         log.setLevel(logging.WARNING if quiet else logging.INFO)
         given = {name: it for name, it in values.items() if it not in (None, [])}
         for name in given:
+            if name in OF_PLOT and "plot" not in given:
+                raise BadInput(f"{forms[name][0][2:]}: expected --plot FILE beside it, got none")
             if "=" in forms[name][-1]:
                 given[name] = dict(each.partition("=")[::2] for each in given[name])
         use(function, given, given=given)
