@@ -18,8 +18,8 @@ from reference_solver.mechanism.contacts import FLIGHT
 from reference_solver.run import AT, DENSE, END, NEW, OLD, RECORDS, SLOPES, START, Run
 
 #: How ``advance`` ends: at the end, with its budget of steps used, with the log full, at a step that met a
-#: singular configuration or overflowed, at an event on a rigid wall from which on other pins follow, or before
-#: a step within which a sample lies, where no dense output has been compiled.
+#: singular configuration or overflowed, at an event on a rigid wall from which on other pins follow, or
+#: before a step within which a sample lies, where no dense output has been compiled.
 DONE, SPENT, FULL, FAILED, WALL, WITHIN = range(6)
 #: Bounds of a contact's first step, as a part of its duration.
 SHORTEST_PART, LONGEST_PART = 1e-6, 0.5
@@ -144,7 +144,7 @@ def advance(state, rows, contacts, method, knots, times, samples):
     """Advance the motion to the run's end in place, event by event; return how that ended.
 
     See ``run.Run`` of the arguments; contacts, method and knots may be None (see ``loop_of``). Events are
-    added to the log, and a sample is written for each of the times up to the end; steps do not depend on them.
+    added to the log, and a sample is written for each of the times up to the end, on which no step depends.
     """
     run = state[0]
     if run.resumed == 0:  # a run, or a part of it, begins

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from reports.lines import MOST_LINES, Line, Panel, figure_of, shown_labels, so_far
+from reports.lines import MOST_LINES, Line, Panel, figure_of, shown_labels
 from reports.look import axis_label, command, line_styles, words
 from reports.page import Chapter, Claim, Figure, Made, Part, Table, Text, write_page
 from reports.results import Results, Studies, quality_failures
 from reports.standings import NAME, Standings, sentences, standings_table
+from studies.judges.energy_rates import so_far
 
 #: Markers on a curve over time.
 MARKERS = 7

@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator
 
 from reports.look import GREY, RC, WIDTH_IN, Picture, axis_label, line_styles, setting
 from reports.page import Figure
-from reports.results import FloatArray, floor, knobs, tolerances, value
+from reports.results import floor, knobs, tolerances, value
 
 #: A panel has no more lines than these; the other configurations are in the tables.
 MOST_LINES = 6
@@ -168,8 +168,3 @@ def settings_in_words(rows: pd.DataFrame) -> list[str]:
         setting(knob, step) if knob == "step" else f"{setting(knob, of)}, mean {setting('step', step)}"
         for knob, of, step in zip(knobs(rows), tolerances(rows), rows["mean_step_s"], strict=True)
     ]
-
-
-def so_far(curve: FloatArray) -> FloatArray:
-    """Return the largest size of a curve up to each time: falls back at no zero crossing."""
-    return np.asarray(np.maximum.accumulate(np.abs(curve)))

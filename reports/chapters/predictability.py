@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from reports.lines import Line, Panel, figure_of, so_far
+from reports.lines import Line, Panel, figure_of
 from reports.look import BLACK, BLUE, GREY, VERMILLION
 from reports.page import HALF_WIDTH, MOST, Chapter, Claim, Figure, Table
 from reports.results import FloatArray, Results, Studies, finished, with_columns
+from studies.judges.energy_rates import so_far
 
 STUDY = "predictability"
 INTRODUCTION = (

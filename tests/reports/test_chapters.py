@@ -13,12 +13,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from reports.chapters import accuracy_ideal, answer, cost, energy, extremes, predictability, stability
+from reports.chapters import (
+    accuracy_clearance,
+    accuracy_ideal,
+    answer,
+    cost,
+    energy,
+    extremes,
+    predictability,
+    stability,
+)
 from reports.chapters.contents import CHAPTERS
 from reports.page import HALF_WIDTH, MOST, Claim
 from reports.results import Results, Studies, frame, read_study
 from studies.case import STUDIES
-from tests.helpers.row_files import row
+from tests.helpers.row_files import row, write_rows
 
 SCENE = "ideal-free"
 ERRORS_M = (1e-4, 1e-6, 1e-8)
@@ -188,7 +197,52 @@ def test_drift_without_stabilisation_is_as_theory_has_it(gap: float, speed: floa
     assert claim.numbers["gap"][0] == pytest.approx(abs(gap - 2))
 
 
+def from_store(folder: Path, study: str, of: dict[str, Any], **curves: Any) -> dict[str, Results]:
+    """Return a study of one run with curves."""
+    write_rows(folder, study, [of], {of["case"]: curves})
+    return {study: read_study(folder, study)}
+
+
+def test_an_energy_balance_error_is_drawn_as_the_largest_part_so_far(tmp_path: Path) -> None:
+    run = long_run(0, "reference", "projection", 1e-6, energy_in_play_J=2.0)
+    times, gains = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2], [0.0, 1e-9, 4e-9, 4e-9, 4e-9, 6e-9, 6e-9]
+    studies = from_store(tmp_path, "energy", run, time_s=times, numerical_gain_so_far_J=gains)
+    points = made(energy, studies)["energy-growth"].data
+    assert list(points["x"]) == times
+    assert list(points["y"])[1:] == pytest.approx([0.5e-9, 2e-9, 2e-9, 2e-9, 3e-9, 3e-9])
+
+
+def test_an_impact_is_drawn_from_its_touch_on(tmp_path: Path) -> None:
+    """The samples are 1 us apart; the pin touches in the third, and is pushed back in the fourth and fifth."""
+    depth, force = [-2e-6, -1e-6, 0.0, 1e-6, 1e-6, -1e-6], [0.0, 0.0, 0.0, 20.0, 10.0, 0.0]
+    ran = row(0, "clearance-free-0.5mm-first-impact", "reference", "DOP853", 1e-6, view="impact")
+    signal = "contact_B_normal_force"
+    curves = {"contact_B_penetration_m": depth, "true_contact_B_penetration_m": depth}
+    curves |= {f"{signal}_N": [0.0, 0.0, 0.0, 21.0, 10.0, 0.0], f"true_{signal}_N": force}
+    curves |= {f"{signal}_error_N": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]}
+    studies = from_store(tmp_path, "accuracy", ran, time_s=[1e-6 * k for k in range(6)], **curves)
+    points = next(accuracy_clearance.parts(studies)).data  # type: ignore[union-attr]
+    over_time = points[points["panel"] == points["panel"].iloc[0]]
+    true = over_time[over_time["series"] == "reference solution"]
+    assert list(true["x"]) == pytest.approx([-2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
+    assert list(true["y"]) == pytest.approx([0.0, 0.0, 0.0, 0.02, 0.01, 0.0])
+
+
 # Predictability, stability and extremes
+
+
+def test_the_growth_of_a_change_is_the_median_of_the_largest_distances_so_far(tmp_path: Path) -> None:
+    columns: dict[str, Any] = {"part": "horizon", "end_time_s": 0.1, "revolutions": 10.0, "perturbations": 3}
+    columns |= {"horizon_1um_s": 0.05, "perturbation_rad": 1e-10}
+    ran = row(0, "soon", "reference", "default", 1e-5, **columns)
+    far = {"perturbed_0_m": [1e-9, -3e-6, 2e-6], "perturbed_1_m": [2e-9, 1e-6, 5e-6]}
+    far |= {"perturbed_2_m": [3e-9, 2e-6, 1e-6], "halved_m": [1e-10, 1e-10, 0.0]}
+    studies = from_store(tmp_path, "predictability", ran, time_s=[0.0, 0.05, 0.1], **far)
+    points = made(predictability, studies)["predictability-growth"].data
+    lines = {name: (list(line["x"]), list(line["y"])) for name, line in points.groupby("series")}
+    assert lines["perturbed start (median)"] == ([0.0, 5.0, 10.0], [2e-9, 2e-6, 3e-6])
+    assert lines["perturbed start (largest)"][1] == [3e-9, 3e-6, 5e-6]
+    assert lines["horizon (median)"] == ([5.0], [1e-6])
 
 
 def test_a_mean_has_students_interval_of_both_sides() -> None:

@@ -11,9 +11,10 @@ from typing import Any
 
 import pytest
 
+from reports import publication
 from reports.chapters.contents import CHAPTERS
 from reports.page import FINDINGS, write_report
-from reports.publication import FIGURES, README, answer_of, certain, costs_of, tell, write_study
+from reports.publication import FIGURES, README, answer_of, certain, costs_of, publish, tell, write_study
 from reports.results import FACTS, published_rows
 from studies import accuracy
 from studies.case import LIMIT_S, STUDIES, Case, load_study, project_code, run_case
@@ -86,6 +87,23 @@ def test_published_rows_come_back_in_whatever_order_runs_finished(tmp_path: Path
     last = published_rows(tmp_path, "s")[2]
     assert (last["step_s"], last["round"], last["solve_time_s"]) == (1 / 3, 2, 1e-3), "what was run is exact"
     assert last["error_m"] == 0.666667
+
+
+def test_results_are_published_with_what_the_page_says_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, readme = tmp_path / "published", tmp_path / "README.md"
+    shutil.copytree(PUBLISHED, made)
+    shutil.copy(README, readme)
+    monkeypatch.setattr(publication, "README", readme)
+    for study in STUDIES:
+        rows = [{"case": f"{study} {n}", **row} for n, row in enumerate(rows_of(study))]
+        write_rows(tmp_path / "results", study, rows, time_s=study)
+    publish(made, tmp_path / "results")
+    assert json.loads((made / "results" / FACTS).read_text("utf-8"))["energy"]["time_s"] == "energy"
+    for name in ("README.md", "tables/answer.csv"):
+        assert (made / name).read_bytes() == (PUBLISHED / name).read_bytes()
+    assert readme.read_bytes() == README.read_bytes()
 
 
 @pytest.mark.parametrize(
