@@ -96,14 +96,14 @@ def test_results_are_published_with_what_the_page_says_of_them(
     shutil.copytree(PUBLISHED, made)
     shutil.copy(README, readme)
     monkeypatch.setattr(publication, "README", readme)
-    for study in STUDIES:
+    for study, facts in json.loads((PUBLISHED / "results" / FACTS).read_text("utf-8")).items():
         rows = [{"case": f"{study} {n}", **row} for n, row in enumerate(rows_of(study))]
-        write_rows(tmp_path / "results", study, rows, time_s=study)
+        del facts["engines"]  # the code that ran them
+        write_rows(tmp_path / "results", study, rows, **facts)
     publish(made, tmp_path / "results")
-    assert json.loads((made / "results" / FACTS).read_text("utf-8"))["energy"]["time_s"] == "energy"
+    assert readme.read_bytes() == README.read_bytes()
     for name in ("README.md", "tables/answer.csv"):
         assert (made / name).read_bytes() == (PUBLISHED / name).read_bytes()
-    assert readme.read_bytes() == README.read_bytes()
 
 
 @pytest.mark.parametrize(
