@@ -41,22 +41,23 @@ class NoResults(BadInput):
 class Results:
     """The rows of one study as ``frame`` has them, a row per run, and ``facts`` of where they come from.
 
-    Without a ``store``, as of published rows, there are no curves.
+    Without the ``folder`` of a store, as of published rows, there are no curves.
     """
 
     rows: pd.DataFrame
     facts: Mapping[str, Any] = field(default_factory=dict)
-    store: Store | None = None
+    folder: Path | None = None
 
     @property
     def has_curves(self) -> bool:
         """Whether the study's curves are there."""
-        return self.store is not None
+        return self.folder is not None
 
     def curve(self, case: str, column: str) -> FloatArray:
         """Return a curve of a finished run, (n,); there has to be a store."""
-        assert self.store is not None
-        return np.asarray(self.store.curves(case)[column], dtype=float)
+        assert self.folder is not None
+        with Store(self.folder) as store:
+            return np.asarray(store.curves(case)[column], dtype=float)
 
 
 #: The results of the studies at hand, by the names of the studies.
@@ -70,10 +71,10 @@ def read_study(folder: Path, study: str) -> Results:
         NoResults: there are none.
         BadInput: a file there is none of ours, or damaged.
     """
-    rows, facts, store = list[dict[str, Any]](), dict[str, Any](), None
-    if (folder / FILE).exists():
-        store = Store(folder)
-        rows, facts = store.results(study)
+    rows, facts = list[dict[str, Any]](), dict[str, Any]()
+    if has_store := (folder / FILE).exists():
+        with Store(folder) as store:
+            rows, facts = store.results(study)
     elif (folder / f"{study}{ENDING}").exists():
         rows = published_rows(folder, study)
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))[study]
@@ -81,7 +82,7 @@ def read_study(folder: Path, study: str) -> Results:
         raise NoResults(
             f"results: expected the results of {study}, got none in {folder}; run `crankslider run`"
         )
-    return Results(frame(rows), facts, store)
+    return Results(frame(rows), facts, folder if has_store else None)
 
 
 def published_rows(folder: Path, study: str) -> list[dict[str, Any]]:

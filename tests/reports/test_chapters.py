@@ -221,7 +221,7 @@ def test_an_impact_is_drawn_from_its_touch_on(tmp_path: Path) -> None:
     curves |= {f"{signal}_N": [0.0, 0.0, 0.0, 21.0, 10.0, 0.0], f"true_{signal}_N": force}
     curves |= {f"{signal}_error_N": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]}
     studies = from_store(tmp_path, "accuracy", ran, time_s=[1e-6 * k for k in range(6)], **curves)
-    points = next(accuracy_clearance.parts(studies)).data  # type: ignore[union-attr]
+    points = made(accuracy_clearance, studies)["clearance-impact"].data
     true = points[points["series"] == "reference solution"].head(6)
     assert list(true["x"]) == pytest.approx([-2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
     assert list(true["y"]) == pytest.approx([0.0, 0.0, 0.0, 0.02, 0.01, 0.0])
