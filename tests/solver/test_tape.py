@@ -185,7 +185,7 @@ def test_a_kernel_contains_nothing_that_its_mechanism_does_not_and_serves_all_of
 
 
 def test_a_long_chain_moves_by_the_accelerations_of_its_whole_matrix() -> None:
-    links = 41
+    links = 21
     q, v = chain_start(np.linspace(0, 1, links), np.linspace(1, -1, links))
     found = run_of(chain(links), q, v, 1e-3, 1, 1)
     equations = Equations(chain(links), q)
