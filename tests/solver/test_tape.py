@@ -213,12 +213,12 @@ def test_what_the_tape_writes_of_a_mechanism_computes_what_its_equations_do(reci
     for name, numbers in readable.items():
         known = np.isfinite(numbers)
         assert (np.isfinite(machine[name]) == known).all(), name
-        if not numbers[-1] < WELL_CONDITIONED:  # a step that is refused, which magnifies round-off
-            continue
+        # The condition is the last number: of a step that is refused it may be any, and magnifies round-off.
+        bound = ROUND_OFF if numbers[-1] < WELL_CONDITIONED else WELL_CONDITIONED * ROUND_OFF
         apart = np.abs(machine[name][known] - numbers[known]).max(initial=0.0)
         # Where constraints leave a body no freedom, its mobility is the round-off of one over its mass.
         scale = np.abs(numbers[known]).max(initial=1e-3 if name == "mobilities" else 0.0)
-        assert apart <= ROUND_OFF * scale, f"{name}: {apart:.1e} of {scale:.1e}"
+        assert apart <= bound * scale, f"{name}: {apart:.1e} of {scale:.1e}"
 
 
 @settings(max_examples=100, deadline=None)
