@@ -24,6 +24,7 @@ from pydantic import Field, InstanceOf
 from crankslider.run import Comparison, Run, Sweep, Times, encode, require_outputs, write_file
 from engine_models.engine import (
     MOST_SAMPLES,
+    Engine,
     Impacts,
     ImpossibleStart,
     RunSettings,
@@ -31,6 +32,7 @@ from engine_models.engine import (
     UnsupportedScene,
 )
 from engine_models.engines import join, make_engine
+from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.states import lever_m, observed_m
 from engine_models.mechanics.trajectory import selected
 from engine_models.scene.arguments import Metres, Place, Seconds, check_arguments, in_words
@@ -112,6 +114,14 @@ def as_toml(value: object) -> object:
         return value
 
 
+def _engine(name: str, settings: Named, controls: bool) -> Engine:
+    """Return the engine; where it is to control its error, by a method that does unless one is among them."""
+    engine = make_engine(name, **settings)
+    if not controls or "method" in settings:
+        return engine
+    return engine.controlling_error(**{key: vars(engine)[key] for key in settings if key == "step_tolerance"})
+
+
 @check_arguments
 def simulate(
     scene: SomeScene,
@@ -142,11 +152,8 @@ def simulate(
     from engine_models.convergence.doubts import doubts  # loads the compiler, which takes a second
     from engine_models.convergence.step_halving import simulate_to_tolerance
 
-    physics, typed = read_scene(scene, end=end), settings or {}
-    chosen, end_s = make_engine(engine, **typed), physics.end_time_s
-    if tolerance is not None and "method" not in typed:
-        given = {key: vars(chosen)[key] for key in typed if key == "step_tolerance"}
-        chosen = chosen.controlling_error(**given)
+    physics = read_scene(scene, end=end)
+    chosen, end_s = _engine(engine, settings or {}, tolerance is not None), physics.end_time_s
     if not start < end_s:
         raise BadInput(f"from: expected a time < the end time {end_s:g}, got {start:g}")
     if step is not None and tolerance is not None:
@@ -162,7 +169,7 @@ def simulate(
         else:
             run = simulate_to_tolerance(chosen, physics, tolerance, samples)
         check = steps if tolerance is None and not quick else None
-        warnings = tuple(doubts(chosen, physics, run, check))
+        warnings = tuple(doubts(chosen, physics, run, quality_of(physics, run), check))
     for doubt in warnings:
         warn(doubt, stacklevel=3)
     return Run(physics, engine, chosen, run, warnings, tolerance, start, bool(check or tolerance))
@@ -306,7 +313,8 @@ def sweep(
         members: number of members, or of members at each point of a grid.
         jitter: change the angle of the turning body at each start by up to this, in rad.
         seed: seed of the random members.
-        step: longest step in s, or as 5us; default: 1e-5, unless the engine chooses its steps.
+        step: longest step in s, or as 5us; default: 1e-5, unless the engine controls its error, as the
+            reference then does.
         transient: revolutions before the evaluation starts.
         revolutions: revolutions that are evaluated.
         settings [--set KEY=VALUE]: a setting of the engine.
@@ -320,15 +328,15 @@ def sweep(
     from studies.running.store import Store
     from studies.sweep import NAME, draw_values, member_cases, member_rows
 
-    physics, chosen = read_scene(scene), make_engine(engine, **(settings or {}))
+    physics, typed = read_scene(scene), settings or {}
+    chosen = _engine(engine, typed, controls=step is None and {*typed} <= {"step_tolerance"})
     place = Path(mkdtemp(prefix="crankslider-")) / "sweep.parquet" if out is None else Path(out)
     require_outputs(physics, out=place, plot=plot)
     values = draw_values(physics, vary or {}, sample, members, jitter, seed)
     step = step or (None if chosen.controls_error else DEFAULT_STEP_S)
     columns = {"transient": transient, "revolutions": revolutions, "step": step}
-    added = {name: vars(chosen)[name] for name in settings or {}}
     with refusing():
-        cases = member_cases(physics, values, engine, chosen, added, columns)
+        cases = member_cases(physics, values, engine, chosen, columns)
     folder = place.with_name(f"{place.name}.rows")
     with _workers(jobs, scheduler) as workers, writing("out", folder):
         run_cases({NAME: cases}, folder, workers)

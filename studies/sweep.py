@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from engine_models.arms import AS_IT_COMES, Arm, Setting
+from engine_models.arms import AS_IT_COMES, Arm
 from engine_models.convergence.doubts import doubts
 from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
 from engine_models.engines import make_engine
@@ -124,7 +124,6 @@ def member_cases(
     values: Mapping[str, FloatArray],
     engine_name: str,
     engine: Engine,
-    added: Mapping[str, Setting],
     columns: Mapping[str, float | None],
 ) -> list[Case]:
     """Return a case for each member; ``columns`` have transient, revolutions and the longest step."""
@@ -141,7 +140,7 @@ def member_cases(
     cases = []
     for row in np.array([*values.values()]).T.tolist():
         own: dict[str, Value] = {VARIED + name: value for name, value in zip(values, row, strict=True)}
-        cases.append(Case(NAME, scene, arm, run, added, columns={**columns, **own}))
+        cases.append(Case(NAME, scene, arm, run, vars(engine), columns={**columns, **own}))
     return cases
 
 
@@ -186,8 +185,9 @@ def measure(case: Case) -> tuple[Row, Curves]:
     samples = max(1, min(round(TURN_SAMPLES * (transient + revolutions)), MOST_SAMPLES))
     with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
         run = engine.simulate(scene, RunSettings(min(step_s, scene.end_time_s), samples))
-        warnings = doubts(engine, scene, run, None)
-    results = {**quality_of(scene, run).parts(), **summary(scene, run, transient, revolutions)}
+        quality = quality_of(scene, run)
+        warnings = doubts(engine, scene, run, quality, None)
+    results = {**quality.parts(), **summary(scene, run, transient, revolutions)}
     known = {name: value for name, value in results.items() if math.isfinite(value)}
     return {"warnings": "; ".join(warnings), **known}, {}
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from engine_models.engine import Engine, RunSettings, SimulationFailed, Trajectory, UnsupportedScene
-from engine_models.mechanics.quality import quality_of
+from engine_models.mechanics.quality import Quality
 from engine_models.mechanics.states import lever_m, observed_in_words, observed_m
 from engine_models.scene.scene import Scene
 from reference_solver.mechanism.data import Course, Motor, Table, Torque
@@ -62,8 +62,10 @@ def doubts_of_tables(scene: Scene) -> list[str]:
     return [f"{name}: {beyond}: {advice}" for name, beyond, advice in told if beyond]
 
 
-def doubts(engine: Engine, scene: Scene, run: Trajectory, settings: RunSettings | None) -> list[str]:
-    """Return a line for each doubt about a run.
+def doubts(
+    engine: Engine, scene: Scene, run: Trajectory, quality: Quality, settings: RunSettings | None
+) -> list[str]:
+    """Return a line for each doubt about a run of some quality.
 
     With the settings with which it has run, it is run once more at half the step, and with a tenth of the
     engine's own tolerance, if it has one.
@@ -71,7 +73,6 @@ def doubts(engine: Engine, scene: Scene, run: Trajectory, settings: RunSettings 
     Raises:
         SimulationFailed: the run is none.
     """
-    quality = quality_of(scene, run)
     if (failure := quality.failure()) is not None:
         raise SimulationFailed(failure)
     lines = [*doubts_of_tables(scene), *quality.warnings()]

@@ -57,7 +57,8 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def simulated(scene: Scene) -> cs.Run:
-    return cs.simulate(scene, end=3 * PERIOD_S, samples=600, quick=True)
+    chosen = {"method": "dop853", "step_tolerance": 1e-6}  # as members have it by default
+    return cs.simulate(scene, end=3 * PERIOD_S, samples=600, settings=chosen, quick=True)
 
 
 @pytest.fixture(scope="module")

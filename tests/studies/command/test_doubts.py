@@ -7,6 +7,7 @@ import pytest
 from engine_models.convergence.doubts import doubts
 from engine_models.engine import RunSettings
 from engine_models.engines import ENGINES, make_engine
+from engine_models.mechanics.quality import quality_of
 from engine_models.scene.library import SCENES
 from tests.helpers.command import crankslider
 
@@ -33,7 +34,8 @@ def test_a_setting_that_changes_nothing_is_told_and_a_slider_that_stays_where_it
         (tolerance, ["step_tolerance changes nothing with method = rk4"]),
     ):
         engine = make_engine("reference", **chosen)
-        assert doubts(engine, SHORT, engine.simulate(SHORT, settings), settings) == lines
+        run = engine.simulate(SHORT, settings)
+        assert doubts(engine, SHORT, run, quality_of(SHORT, run), settings) == lines
 
 
 @pytest.mark.parametrize("engine", ENGINES)
