@@ -69,6 +69,8 @@ pairs = pytest.mark.parametrize(("name", "case"), PAIRS, ids=map("-".join, PAIRS
 each = pytest.mark.parametrize("name", ENGINES)
 #: Odd numbers of steps between samples, as an even one would hide a force that rings from step to step.
 STEPS, MANY = (27, 81), (243, 729)
+#: Of the others a run with half the samples alone is another one.
+REPEATED = ("clocked", "everything", "bead", "loop", "walls")
 #: By how much joints may be open in m: by Pymunk's sweeps, elsewhere by round-off or a tolerance.
 CLOSED_M = {"reference": 1e-13, "exudyn": 1e-6, "pymunk": 5e-6, "scipy": 1e-9}
 #: How many of the bounces before a rest each engine tells.
@@ -203,7 +205,8 @@ def test_impulses_and_losses_of_impacts_add_up_to_those_of_the_contact(name: str
 @pairs
 def test_a_run_repeats_itself_and_samples_change_nothing(name: str, case: str) -> None:
     steps = steps_of(name, case)[0]
-    first, again = numbers(run(name, scene(case), steps)), numbers(fresh(name, scene(case), steps))
+    first = numbers(run(name, scene(case), steps))
+    again = numbers(fresh(name, scene(case), steps)) if case in REPEATED else first
     half = numbers(fresh(name, scene(case), 2 * steps, SAMPLES // 2))
     for key, value in first.items():
         assert np.array_equal(value, again[key]), key

@@ -167,14 +167,14 @@ TREES: dict[str, Callable[[], Scene]] = {
     "from one pin": lambda: bars("AC", "coupler"),
     "afloat": lambda: bars("OC", None, drive={"kind": "free"}),
     "bearing that turns": lambda: bars("B", "rocker"),
-    "lever on its block": lambda: loose(scene("everything"), "CE", "lever"),
+    "lever on its block": lambda: loose(scene("everything"), "CE", "lever", end_time_s=0.006),
     "driven ram with a rod": lambda: loose(along("bed", "constant-speed"), "CD"),
     "driven ram alone": lambda: loose(
-        along("bed", "fluctuating", amplitude_m_s=0.05, frequency_Hz=10.0), "CE"
+        along("bed", "fluctuating", amplitude_m_s=0.05, frequency_Hz=10.0), "CE", end_time_s=0.006
     ),
     "driven frame": lambda: loose(scene("yoke"), "O"),
     "crank on the slider": lambda: loose(SCENES["ideal-compressor"](), "O"),
-    "table": lambda: loose(scene("tabled"), "A"),
+    "table": lambda: loose(scene("tabled"), "A", end_time_s=0.006),
     "slot afloat": lambda: loose(scene("bead"), "O"),
     "driven bar": lambda: scene("bead").replace("drive", {"kind": "constant-speed", "body": "bar"}),
     "two pistons": lambda: loose(mechanism(V_TWIN), "BD"),

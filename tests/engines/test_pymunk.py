@@ -98,10 +98,10 @@ def test_a_scenes_own_sweeps_leave_nothing_to_gain_and_ten_of_these_masses(
 ) -> None:
     of = weighed(of, rod, slider)
     true = exact(of, SAMPLES)
-    own, many = (off(run(of, 4800, PymunkEngine(iterations=n)), true) for n in (None, 2_000))
+    own, many = (off(run(of, 2400, PymunkEngine(iterations=n)), true) for n in (None, 1000))
     assert own < 1.1 * many, (own, many)
     if rod == slider == 1:
-        assert off(run(of, 4800, PymunkEngine(iterations=10)), true) < 1.1 * many
+        assert off(run(of, 2400, PymunkEngine(iterations=10)), true) < 1.1 * many
 
 
 def test_sweeps_become_more_as_the_rod_turns_over_near_a_dead_centre() -> None:
@@ -212,7 +212,8 @@ def rubbing(of: Scene) -> Scene:
 @pytest.mark.parametrize(
     ("name", "e"),
     [
-        *[(f"rigid-{kind}-0.5mm", e) for kind in ("driven", "free") for e in (0.0, 0.5, 1.0)],
+        *[("rigid-driven-0.5mm", e) for e in (0.0, 0.5, 1.0)],
+        ("rigid-free-0.5mm", 1.0),
         ("rigid-free-OAB", 0.5),
     ],
 )

