@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import fields, replace
 from operator import itemgetter
 from typing import Any, Literal
 
@@ -16,7 +16,7 @@ import numpy as np
 from engine_models.arms import AS_IT_COMES, Arm
 from engine_models.convergence.doubts import doubts
 from engine_models.engine import Engine, FloatArray, RunSettings, SimulationFailed, Trajectory
-from engine_models.engines import make_engine
+from engine_models.engines import engine_class, make_engine
 from engine_models.mechanics.quality import quality_of
 from engine_models.mechanics.start import start_angle, start_state
 from engine_models.mechanics.states import observed_m
@@ -137,10 +137,11 @@ def member_cases(
                 raise BadInput(f"vary {error}") from None
             engine.check(checked)
     arm, run = Arm(engine_name, AS_IT_COMES), RunSettings(columns["step"] or scene.end_time_s, 1)
+    settings = {each.name: vars(engine)[each.name] for each in fields(engine_class(engine_name))}
     cases = []
     for row in np.array([*values.values()]).T.tolist():
         own: dict[str, Value] = {VARIED + name: value for name, value in zip(values, row, strict=True)}
-        cases.append(Case(NAME, scene, arm, run, vars(engine), columns={**columns, **own}))
+        cases.append(Case(NAME, scene, arm, run, settings, columns={**columns, **own}))
     return cases
 
 
