@@ -149,9 +149,9 @@ def number(value: float) -> str:
     return ABSENT if math.isnan(value) else f"{value:.1e}"
 
 
-def plain(value: float) -> str:
-    """Return a number of ordinary size with two significant digits and no exponent: 140, 0.12."""
-    return ABSENT if math.isnan(value) else f"{float(f'{value:.2g}'):g}"
+def plain(value: float, digits: int = 2) -> str:
+    """Return a number of ordinary size with so many significant digits and no exponent: 140, 0.12."""
+    return ABSENT if math.isnan(value) else f"{float(f'{value:.{digits}g}'):g}"
 
 
 def setting(name: str, *values: float) -> str:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pandas as pd
 from scipy.special import stdtrit
 
 from reports.lines import Line, Panel, figure_of
-from reports.look import BLACK, BLUE, GREY, VERMILLION
+from reports.look import BLACK, BLUE, GREY, VERMILLION, plain
 from reports.page import HALF_WIDTH, MOST, Chapter, Claim, Figure, Table
 from reports.results import FloatArray, Results, Studies, finished, with_columns
 from studies.judges.energy_rates import so_far
@@ -140,7 +141,7 @@ def _horizon_table(rows: pd.DataFrame) -> Table:
         "them, and with half the step. A dash: not before the run ends. Growth: the mean increase of the "
         "natural logarithm of the deviation between the horizons of 1 nm and 100 µm."
     )
-    formats = dict.fromkeys((name for name in table if name.endswith("[ms]")), "{:.3g}".format)
+    formats = dict.fromkeys((name for name in table if name.endswith("[ms]")), partial(plain, digits=3))
     return Table(f"{STUDY}-horizons", "Predictability horizons", caption, STUDY, table, formats)
 
 
