@@ -1,7 +1,7 @@
 """Mechanisms of parts at random, and what the functions of a kernel make of them by both back ends."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import product
 from typing import Any, get_args
 
@@ -56,8 +56,10 @@ STABILISATIONS: dict[str, dict[str, Any]] = {
     "projection": {"projected": True},
     "baumgarte": {"baumgarte": Baumgarte(3.0, 2.0)},
 }
-#: Beyond this rounding is magnified, and nothing compared.
-WELL_CONDITIONED = 1e4
+#: Beyond this rounding is magnified, by a projection many times over, and nothing compared.
+WELL_CONDITIONED = 1e2
+#: Several hundred roundings of a state.
+MOVED = 1e-13
 
 
 @dataclass(frozen=True)
@@ -147,11 +149,11 @@ def table(random: Generator) -> PiecewiseCubic:
     )
 
 
-def outcomes(recipe: Recipe) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+def outcomes(recipe: Recipe) -> list[dict[str, FloatArray]]:
     """Return what functions of a kernel store and return at a state off the constraints.
 
-    The first ones are machine code's, the others the equations' in numbers. There are none where these are
-    badly conditioned.
+    The first ones are machine code's, the others the equations' in numbers: at the same state, and at one
+    with all numbers ``MOVED`` by a part. There are none where these are badly conditioned.
     """
     topology, random = recipe.topology(), np.random.default_rng([recipe.seed])
     n, joints = topology.n, topology.mechanism.contacts
@@ -168,14 +170,16 @@ def outcomes(recipe: Recipe) -> tuple[dict[str, FloatArray], dict[str, FloatArra
     phases = np.column_stack([contacts["phase"], contacts["memory"]])
     equations = Equations(topology.mechanism, q_start, topology.baumgarte, topology.following)
     if not equations.answer(t, q, v, phases).condition < WELL_CONDITIONED:
-        return {}, {}
+        return [{}, {}, {}]
     sums = random.uniform(-1.0, 1.0, len(equations.power_names) + 1)
     given, kernel = Given(topology, equations, t, q, v, phases, h, lost, sums), Kernel(topology, q_start)
     y = np.concatenate([q, v, sums, np.zeros(GAP_FIELDS * len(joints)), [h], lost])
-    compiled, numbers = dict[str, FloatArray](), dict[str, FloatArray]()
+    away = 1 + random.uniform(-MOVED, MOVED, (2, n))
+    moved = replace(given, q=q * away[0], v=v * away[1])
+    compiled, numbers, beside = dict[str, FloatArray](), dict[str, FloatArray](), dict[str, FloatArray]()
     for name in FUNCTIONS.keys() & kernel.functions.keys():
-        numbers[name] = np.array(FUNCTIONS[name](given), dtype=float)
+        numbers[name], beside[name] = (np.array(FUNCTIONS[name](of), dtype=float) for of in (given, moved))
         out = np.full(len(numbers[name]) - 1, np.nan)
         condition = kernel.functions[name](kernel.p, contacts.ctypes.data, t, y, out)
         compiled[name] = np.array([*out, condition])
-    return compiled, numbers
+    return [compiled, numbers, beside]

@@ -207,18 +207,18 @@ ROUND_OFF = 1e-10
 @example(ON_WALLS)
 def test_what_the_tape_writes_of_a_mechanism_computes_what_its_equations_do(recipe: Recipe) -> None:
     with np.errstate(all="ignore"):
-        machine, readable = outcomes(recipe)
+        machine, readable, beside = outcomes(recipe)
     assume(readable)
     assert machine.keys() == readable.keys()
     for name, numbers in readable.items():
         known = np.isfinite(numbers)
         assert (np.isfinite(machine[name]) == known).all(), name
-        # The condition is the last number: of a step that is refused it may be any, and magnifies round-off.
-        bound = ROUND_OFF if numbers[-1] < WELL_CONDITIONED else WELL_CONDITIONED * ROUND_OFF
-        apart = np.abs(machine[name][known] - numbers[known]).max(initial=0.0)
+        # What a few roundings of the state move by more has as little to tell.
+        apart = np.abs(machine[name] - numbers) - 10 * np.abs(beside[name] - numbers)
+        worst = np.nanmax(apart[known], initial=0.0)
         # Where constraints leave a body no freedom, its mobility is the round-off of one over its mass.
         scale = np.abs(numbers[known]).max(initial=1e-3 if name == "mobilities" else 0.0)
-        assert apart <= bound * scale, f"{name}: {apart:.1e} of {scale:.1e}"
+        assert worst <= ROUND_OFF * scale, f"{name}: {worst:.1e} of {scale:.1e}"
 
 
 @settings(max_examples=100, deadline=None)
