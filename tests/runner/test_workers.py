@@ -6,6 +6,7 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from studies.case import Case, run_case
@@ -123,10 +124,9 @@ def test_no_process_takes_a_file_in_the_users_folder_for_a_module_of_pythons(tmp
     mine = "from engine_models.minimal.engine import ScipyEngine as Mine\n"
     (tmp_path / "my_module.py").write_text(mine)
     script = str(Path(sys.executable).with_name("crankslider"))
-    command = [script, "run", "accuracy", "--engine", "my_module:Mine", "--jobs", "2", "--out", "results"]
+    some = ["clearance-driven-0.5mm", "--vary", "crank.length_m=40mm,50mm", "--revolutions", "0.1"]
+    command = [script, "sweep", *some, "--engine", "my_module:Mine", "--jobs", "2", "--out", "rows.csv"]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, (tmp_path / "executed").exists()) == (0, False), done.stderr
-    with Store(tmp_path / "results") as store:
-        rows, _ = store.results("accuracy")
-    assert {(row["engine"], row["status"]) for row in rows} == {("my_module:Mine", "ok")}
+    assert pd.read_csv(tmp_path / "rows.csv")["status"].tolist() == ["ok", "ok"]
