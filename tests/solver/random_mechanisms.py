@@ -58,7 +58,7 @@ STABILISATIONS: dict[str, dict[str, Any]] = {
 }
 #: Beyond this rounding is magnified, by a projection many times over, and nothing compared.
 WELL_CONDITIONED = 1e2
-#: Several hundred roundings of a state.
+#: By which part of them a state's numbers are moved, several hundred roundings.
 MOVED = 1e-13
 
 

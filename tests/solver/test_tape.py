@@ -45,7 +45,6 @@ from tests.solver.random_mechanisms import (
     LOADED,
     ON_WALLS,
     RECIPES,
-    WELL_CONDITIONED,
     Recipe,
     outcomes,
 )
@@ -213,7 +212,8 @@ def test_what_the_tape_writes_of_a_mechanism_computes_what_its_equations_do(reci
     for name, numbers in readable.items():
         known = np.isfinite(numbers)
         assert (np.isfinite(machine[name]) == known).all(), name
-        # What a few roundings of the state move by more has as little to tell.
+        # No number is known better than some hundred roundings of the state move it; ten times, since what
+        # comes between rounds too. What they make NaN of is not compared.
         apart = np.abs(machine[name] - numbers) - 10 * np.abs(beside[name] - numbers)
         worst = np.nanmax(apart[known], initial=0.0)
         # Where constraints leave a body no freedom, its mobility is the round-off of one over its mass.
@@ -228,7 +228,7 @@ def test_factors_solve_the_equations_of_a_mechanism_as_their_whole_matrix_does(r
     q_start, q, v = random.uniform(-1.0, 1.0, (3, topology.n))
     equations = Equations(topology.mechanism, q_start)
     answer = equations.answer(0.3, q, v)
-    assume(answer.condition < WELL_CONDITIONED)
+    assume(answer.condition < 1e4)  # which makes 1e-12 of a rounding
     system, F = equations.system(0.3, q, v), equations.forces(0.3, q, v)[0]
     B, rows = np.asarray(system.B, dtype=float), len(system.B)
     whole = np.block([[np.diag(equations.mass.astype(float)), -B.T], [B, np.zeros((rows, rows))]])
