@@ -26,12 +26,12 @@ from engine_models.scene.scene import Scene
 from engine_models.scene.units import in_unit, unit_of
 from studies.case import Case, Curves, Row, Value
 from studies.failures import BadInput
-from studies.judges.closing import closed
 
 NAME = "sweep"
 Sample = Literal["grid", "random", "latin-hypercube", "sobol"]
 MOST_MEMBERS = 100_000
-#: Output intervals in a revolution, and of a whole run at most.
+#: Output intervals in a revolution, and of a whole run at most. With clearance half as many: parts of flight
+#: are then known to 2 %, and differ by 20 % between members whose clearances do by 1e-9 m (10 revolutions).
 TURN_SAMPLES, MOST_SAMPLES = 200, 100_000
 #: How the columns of varied fields begin in the rows that are kept.
 VARIED = "varied "
@@ -183,7 +183,8 @@ def measure(case: Case) -> tuple[Row, Curves]:
         scene = member(case.scene, values, transient + revolutions)
     except SceneError as reason:
         raise SimulationFailed(str(reason)) from None
-    samples = max(1, min(round(TURN_SAMPLES * (transient + revolutions)), MOST_SAMPLES))
+    in_turn = TURN_SAMPLES // 2 if scene.clearances else TURN_SAMPLES
+    samples = max(1, min(round(in_turn * (transient + revolutions)), MOST_SAMPLES))
     with np.errstate(all="ignore"):  # engines look for non-finite numbers themselves
         run = engine.simulate(scene, RunSettings(min(step_s, scene.end_time_s), samples))
         quality = quality_of(scene, run)
@@ -201,6 +202,8 @@ def summary(scene: Scene, run: Trajectory, transient: float, revolutions: float)
     joints would have it at the turning body's angle. That is the phase of an impact, or without such a body
     the part of a turn's time; its mean is that of cosine and sine, since angles go round.
     """
+    from studies.judges.closing import closed  # which takes half a second to load
+
     turns, body = transient + revolutions, scene.turning_body
     first = round((len(run.time_s) - 1) * transient / turns)
     if not run.contacts:
