@@ -3,7 +3,7 @@
 One data frame has a row for each setting of a configuration on a scene, from coarse to fine: what is
 varied (``knob``, ``value``, both in words as ``setting``), the error of one column, and the run times of the
 rounds: the least, ``time_s``, since what slows a machine makes no run shorter, ``next_s`` and ``last_s``. Of
-one round alone the next time is ``SPREAD`` times its own.
+one round alone the next time is infinite.
 
 The error that a setting keeps is the largest of its own and of all finer settings of its configuration: a
 small error before a larger one is luck. It is infinite where a finer run failed, and where errors have grown
@@ -82,9 +82,7 @@ def settings(rows: pd.DataFrame) -> pd.DataFrame:
         motion_alone=rows["motion_alone"].isin([True]),
         lost=at.isin(at[rows["status"] == "failed"]) | saturated(rows),
         time_s=at.map(least),
-        next_s=at.map(times.sort_values().groupby(at).nth(1).groupby(at).min()).fillna(
-            SPREAD * at.map(least)
-        ),
+        next_s=at.map(times.sort_values().groupby(at).nth(1).groupby(at).min()).fillna(math.inf),
         last_s=at.map(last),
     )[rows["round"].isna()]
 

@@ -18,10 +18,10 @@ from reports.page import Figure
 from reports.results import floor, knobs, tolerances, value
 
 #: A panel has no more lines than these; the other configurations are in the tables.
-MOST_LINES = 6
+MOST_LINES = 8
 #: The slopes of the guides in a panel of errors against the step.
 ORDERS = (1, 2, 4)
-#: The entries of a row of a legend, and the height of a row.
+#: The entries of a row of a legend, in a narrow figure half as many, and the height of a row.
 IN_ROW, ROW_IN = 4, 0.17
 
 
@@ -93,9 +93,9 @@ def draw(panels: Sequence[Panel], height_in: float = 2.7, across: int | None = N
     for line in (line for panel in panels for line in panel.lines):
         styles.setdefault(line.label, line.style)
     handles = [Line2D([], [], label=label, **style) for label, style in styles.items()]
+    width, in_row = (WIDTH_IN, IN_ROW) if across > 1 else (0.6 * WIDTH_IN, IN_ROW // 2)
     with mpl.rc_context(RC):
-        rows = math.ceil(len(handles) / IN_ROW)
-        drawing = Picture(height_in * down + 0.5 + ROW_IN * rows, WIDTH_IN if across > 1 else 0.6 * WIDTH_IN)
+        drawing = Picture(height_in * down + 0.5 + ROW_IN * math.ceil(len(handles) / in_row), width)
         for place, panel in enumerate(panels):
             ax = drawing.add_subplot(
                 down, across, place + 1, title=panel.title, xlabel=panel.x, ylabel=panel.y
@@ -109,7 +109,7 @@ def draw(panels: Sequence[Panel], height_in: float = 2.7, across: int | None = N
             _finish(ax, panel)
             ax.xaxis.label.set_visible(place + across >= len(panels) or len({each.x for each in panels}) > 1)
             ax.yaxis.label.set_visible(place % across == 0 or len({each.y for each in panels}) > 1)
-        drawing.legend(handles=handles, loc="outside lower center", ncols=IN_ROW, fontsize=7.5)
+        drawing.legend(handles=handles, loc="outside lower center", ncols=in_row, fontsize=7.5)
     return drawing
 
 
@@ -135,7 +135,7 @@ def _finish(ax: Axes, panel: Panel) -> None:
 
 
 def shown_labels(rows: pd.DataFrame) -> list[str]:
-    """Return the configurations that a figure shows: each engine's first, its second, ..., six at most."""
+    """Return the configurations that a figure shows: each engine's first, its second, ..., eight at most."""
     labels = rows[["label", "engine"]].drop_duplicates("label").sort_values("label")
     places = labels.groupby("engine", sort=False).cumcount()
     first = labels.assign(place=places).sort_values("place", kind="stable")["label"].head(MOST_LINES)
@@ -151,8 +151,8 @@ def against(
     """
     styles, panels = line_styles(rows), list[Panel]()
     rows = rows.assign(error=value(rows, column)).query("error > 0")
-    rows = rows[rows["label"].isin(shown_labels(rows))]
-    for scene, of_scene in rows.groupby("scene"):
+    for scene, every in rows.groupby("scene"):
+        of_scene = every[every["label"].isin(shown_labels(every))]
         lines = [
             Line(str(label), line[at], line["error"], styles[label], settings_in_words(line))
             for label, line in of_scene.sort_values([at, "error"]).groupby("label", observed=True)

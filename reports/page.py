@@ -98,10 +98,11 @@ class Table:
         return (" to ".join(dict.fromkeys(ends)) or ABSENT) + interval
 
     def markdown(self, *without: str) -> str:
-        """Return the table as Markdown, without its caption and some columns."""
+        """Return the table as Markdown with its caption below, without some columns."""
         cells = self.cells().drop(columns=list(without), errors="ignore")
         rows = [tuple(cells), ("---",) * cells.shape[1], *cells.itertuples(index=False)]
-        return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in rows)
+        lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in rows]
+        return "".join([*lines, f"\n{self.caption}\n".replace("*", "\\*")])
 
 
 @dataclass(frozen=True)
@@ -281,7 +282,7 @@ def _head(studies: Studies) -> dict[str, str]:
     facts, known = [results.facts for results in studies.values()], versions(studies)
     told: dict[str, list[Any]] = {
         "set": [of.get("set") for of in facts],
-        "commit": [str(of.get("commit"))[:8] for of in facts],
+        "commit": [commit[:8] + commit[40:] for commit in (str(of.get("commit")) for of in facts)],
         "date": [of.get("date") for of in facts],
         "processor": [of.get("machine", {}).get("processor") for of in facts],
         "engines": ["reference", *(f"{name} {known[name]}" for name in ENGINES if name in known)],

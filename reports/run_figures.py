@@ -129,7 +129,7 @@ def sweep_picture(frame: pd.DataFrame, fields: Sequence[str], title: str, show: 
     if column not in frame or frame[column].isna().all():
         raise BadInput(f"plot: expected members with a number in {column}, got none")
     rows = frame.dropna(subset=column)
-    with mpl.rc_context(RC):
+    with mpl.rc_context({**RC, "axes.formatter.limits": (-3, 4)}):  # clearances are small
         picture = Picture(3.5) if len(fields) == 1 else Picture(4.6, 6.2)
         ax = picture.add_subplot(xlabel=axis_label(fields[0]), xscale=_scale(rows[fields[0]]))
         if len(fields) == 1:

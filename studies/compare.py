@@ -75,11 +75,11 @@ def _judged(scene: Scene, truth: Trajectory) -> tuple[str, float]:
 
 
 def cases(scene: Scene, column: str, wanted: float, engines: Collection[str]) -> list[Case]:
-    """Return of every setting of the engines named, or of all, the recorded run, then the bare one."""
+    """Return of every setting of the engines named, or of all, the recorded run, then two bare ones."""
     judged: Row = {"judged_by": column, "wanted_error": wanted}
     rungs = [rung for rung in _rungs(scene) if not engines or rung.arm.engine in engines]
     out = []
-    for samples, timed in ((SAMPLES, {}), (1, {"round": 0})):
+    for samples, timed in ((SAMPLES, {}), (1, {"round": 0}), (1, {"round": 1})):
         for rung in rungs:
             run = RunSettings(RunSettings(rung.step_s, SAMPLES).step_used_s(scene.end_time_s), samples)
             columns = {**judged, "motion_alone": arms.gives_motion_alone(rung.arm), **timed}

@@ -25,9 +25,9 @@ from studies.settings import ladder, scenes
 ROUNDS = 3
 #: A bare run is repeated in its round until this much time is spent, in s, and no more often than that.
 REPEAT_S, REPEATS = 0.02, 100
-#: A round is as good as another if its least time is no more than so many times as long; how often one that
-#: is not is run again; and from which time of a solve on, in s, a setting is timed in one round alone.
-SPREAD, AGAIN, LONG_S = 1.3, 3, 0.4
+#: A round is as good as another if its least time is no more than so many times as long; and how often one
+#: that is not is run again.
+SPREAD, AGAIN = 1.3, 3
 #: How far a bare run may end from the recorded one, in parts of the crank's length: 0.5 mm in most scenes.
 #: They are equal but for methods whose steps know of the samples, and that are as far off themselves.
 APART = 0.01
@@ -73,7 +73,7 @@ def times(case: Case, samples: int = SAMPLES) -> Row:
 
     Every run's end is held, outside all times, to that of the recorded run with so many samples. A round is
     run again, up to ``AGAIN`` times, that is slower than one before by more than ``SPREAD``; and not at all,
-    without times, of a setting whose solve took longer than ``LONG_S`` in one before, or behind two such.
+    without times, behind two that are as good as each other.
 
     Raises:
         SimulationFailed: the recorded run, or a bare one, fails, or the ends differ (``require_same_end``).
@@ -81,7 +81,7 @@ def times(case: Case, samples: int = SAMPLES) -> Row:
     engine = make_engine(case.engine, **case.settings)
     rounds = ROUNDS_RUN[engine, case.scene, case.run]
     before, second = [*sorted(rounds), np.inf, np.inf][:2]
-    if LONG_S < before < np.inf or second <= SPREAD * before < np.inf:
+    if second <= SPREAD * before < np.inf:
         return {"repeats": 0}
     recorded = end_of(engine, case.scene, replace(case.run, samples=samples))
     solves, inside, apart = list[float](), list[float](), 0.0

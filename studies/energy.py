@@ -68,7 +68,7 @@ LONG = (
     Length("rigid-free-0.5mm", 4.0, 800, (125,), "rigid-free-0.5mm-long"),
 )
 
-#: Methods that choose their steps have a tolerance on each rung in place of the step.
+#: Methods that choose their steps have a tolerance on each rung in place of the step: as many as steps.
 TOLERANCES, CLEARANCE_TOLERANCES = (1e-6, 1e-8), (1e-5, 1e-7)
 RIGID_ARMS = (
     arms.DOPRI5,  # of an engine without rigid contact one configuration tells that it has none

@@ -91,11 +91,11 @@ def _table(joints: str, picks: pd.DataFrame, long_runs: pd.DataFrame | None) -> 
         "the unit of run times, or else the fastest; least and largest over the scenes. The last columns "
         f"are of the cheapest setting within 1 µm. {ALONE}"
         if joints == IDEAL
-        else "As with ideal joints."
+        else "As with ideal joints. An impact that a run does not have counts as 100 %."
     )
     if long_runs is not None and len(long_runs):
         turns = span([long_runs["turns"].min(), long_runs["turns"].max()], ".0f")
-        caption += f" Energy drift: the largest over {turns} revolutions."
+        caption += f" Energy drift: the largest over {turns} revolutions, of the runs of the energy study."
     return Table(f"compared-{joints.replace(' ', '-')}", title, caption, "cost", pd.DataFrame(lines))
 
 

@@ -84,7 +84,10 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     if results.has_curves:
         yield _growth(results, finished(middle))
     panels = against(rows, "largest_numerical_gain_J", orders=(1, 3, 5))
-    caption = "The largest error over the run. Grey lines have the slope of the order at their left end."
+    caption = (
+        "The largest error over the run, of eight configurations at most. Grey lines have the slope of the "
+        "order at their left end."
+    )
     title = "How does the energy-balance error fall with the step?"
     yield figure_of("energy-steps", title, caption, "energy", panels)
     yield dissipation(finished(middle))
@@ -142,8 +145,8 @@ def dissipation(middle: pd.DataFrame) -> Table:
         half_W = (of["hidden_power_high_W"] - of["hidden_power_low_W"]) / 2
         columns |= {str(scene): -of["hidden_power_W"], f"{scene}{HALF_WIDTH}": half_W}
     caption = (
-        "At the middle setting of each series. Negative where the method gains energy. ± is half of the 95 % "
-        "interval, left out below 1 %; “< x” is not resolved from zero."
+        "At the middle setting of each series, of two the finer. Negative where the method gains energy. ± "
+        "is half of the 95 % interval, left out below 1 %; “< x” is not resolved from zero."
     )
     table = pd.DataFrame(columns).sort_index().rename_axis("configuration").reset_index()
     formats = dict.fromkeys(columns, number)

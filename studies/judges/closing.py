@@ -58,4 +58,4 @@ def closed(scene: Scene, position: FloatArray, turning: int | None) -> FloatArra
             if not (left > SHORT).any():
                 break
         at[~(left <= SHORT)] = np.nan
-    return closed.reshape(position.shape)
+    return np.asarray(closed.reshape(position.shape))

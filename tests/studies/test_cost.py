@@ -54,14 +54,12 @@ def rounds_of(monkeypatch: pytest.MonkeyPatch, repeats: int, rounds: int, *times
 def test_a_round_is_timed_by_its_least_repeat_and_again_if_it_is_slower_than_one_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Slower by more than 1.3 times, and three times at the most; more than 0.4 s is timed once."""
+    """Slower by more than 1.3 times, and three times at the most."""
     (row,) = rounds_of(monkeypatch, 5, 1, 0.09, 0.01, 0.05, 0.02, 0.02)
     assert (row["solve_time_s"], row["repeats"]) == (0.01, 5)
     rows = rounds_of(monkeypatch, 1, 5, *(0.10, 0.2, 0.15, 0.18, 0.19, 0.05, 0.066, 0.07, 0.064))
     assert [row.get("solve_time_s") for row in rows] == [0.10, 0.15, 0.05, 0.064, None]
     assert [row["repeats"] for row in rows] == [1, 4, 1, 3, 0]  # two are as good as each other
-    first, second = rounds_of(monkeypatch, 1, 2, 0.41)
-    assert (first["solve_time_s"], second) == (0.41, {"repeats": 0})
 
 
 @pytest.mark.parametrize("off_m", [4.9e-4, 5.1e-4, np.nan])
