@@ -78,5 +78,8 @@ def _figures(results: Results, standings: Standings) -> Iterator[Figure | None]:
             lines.append(Line(run.label, times, np.where(size > 0, size, math.nan), style))
         panels = [Panel("", axis_label("time_s"), axis.replace(" [", " so far ["), lines, log="y")]
         question = f"How does the {what} grow over time?"
-        caption = "The largest so far, of each engine's run in the table, against its own model's solution."
+        caption = (
+            "The largest so far at the samples, of each engine's run in the table, against its own model's "
+            "solution; the table has more instants, within impacts."
+        )
         yield figure_of(f"{NAME}-over-time", question, caption, NAME, panels, 3.4)

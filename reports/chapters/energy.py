@@ -76,7 +76,8 @@ def parts(studies: Studies) -> Iterator[Claim | Figure | Table | None]:
     results = studies["energy"]
     rows, middle = prepared(results.rows), at_middle(results.rows)
     balance = energy_parts(middle)
-    if len(keep := balance[balance["part"] <= KEPT]):
+    keep = balance[balance["part"] <= KEPT].sort_values("scenes", ascending=False, kind="stable")
+    if len(keep):
         text = f"Energy balance within {100 * KEPT:g} % of the energy in play: "
         text += f"{', '.join(keep.index + keep['on'])}. The furthest off is {balance.index[-1]}: {{part}}."
         yield Claim("kept", text, {"part": (100 * balance["part"].iloc[-1], "%")})
