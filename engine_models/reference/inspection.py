@@ -15,8 +15,8 @@ from engine_models.scene.scene import Scene
 from reference_solver.mechanism.assembly import Joints, Rank, dependence
 from reference_solver.mechanism.data import GROUND
 
-#: Samples of the run at which the rows are looked at, and its tolerance.
-SAMPLES, TOLERANCE = 200, 1e-8
+#: Samples of the run at which the rows are looked at, its tolerance, and its most steps: half a minute.
+SAMPLES, TOLERANCE, MOST_STEPS = 200, 1e-8, 1e7
 #: Below this the smallest singular value says that a position is singular, or nearly so.
 SINGULAR = 1e-4
 #: Below this part of the largest rate a point is at rest, and its motion has no direction.
@@ -35,7 +35,7 @@ def inspect(scene: Scene) -> list[str]:
     rank, own = Joints(of).rank(q), Joints(replace(of, pins=of.ideal)).rank(q)
     if own.rank < own.rows:
         raise ImpossibleStart(f"start: {dependence(own)}")
-    engine = ReferenceEngine(method="dop853", step_tolerance=TOLERANCE)
+    engine = ReferenceEngine(method="dop853", step_tolerance=TOLERANCE, max_steps=MOST_STEPS)
     run = engine.simulate(scene, RunSettings(scene.end_time_s, SAMPLES))
     start = "by the closed formulas of a crank-slider or a pendulum"
     if scene.start.states:

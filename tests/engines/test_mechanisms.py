@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from engine_models.engine import FloatArray, RunSettings
+from engine_models.engine import FloatArray, RunSettings, SimulationFailed
 from engine_models.mechanics.energy import energy_balance_residual_J, energy_in_play_J
 from engine_models.mechanics.start import start_state
 from engine_models.reference.engine import ReferenceEngine
 from engine_models.reference.inspection import inspect
 from engine_models.scene.file import SceneError, from_toml
 from engine_models.scene.format import Place
+from engine_models.scene.library import SCENES
 from engine_models.scene.scene import Scene
 from studies.judges.columns import sample_columns
 from tests.engine_models.scene.test_mechanisms import TRAMMEL
@@ -307,3 +308,10 @@ def test_a_joints_force_is_the_same_whichever_body_has_the_bearing() -> None:
     one, other = (run(DOP853, of.replace("end_time_s", 0.002), 1) for of in bearings)
     assert np.abs(one.joint_force_N["B"]).max() > 100.0
     np.testing.assert_allclose(other.joint_force_N["B"], one.joint_force_N["B"], rtol=0, atol=1e-3)
+
+
+def test_a_run_that_would_never_end_is_not_waited_for_in_inspection() -> None:
+    """A slider of 1000 t on the wall of its bearing takes steps of 0.2 ns."""
+    heavy = SCENES["clearance-driven-damped"]().replace("slider.mass_kg", 1e6)
+    with pytest.raises(SimulationFailed, match="do not come to the end of the run"):
+        inspect(heavy)
