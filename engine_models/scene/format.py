@@ -138,10 +138,9 @@ class Table(SceneData):
     @model_validator(mode="before")
     @classmethod
     def _has_the_columns_of_its_file(cls, data: object, info: ValidationInfo) -> object:
-        if not (isinstance(data, Mapping) and isinstance(file := data.get("file"), str)):
-            return data
-        kind = data.get("kind")
-        if not (names := cls.COLUMNS.get(kind if isinstance(kind, str) else None)):
+        kind = data.get("kind") if isinstance(data, Mapping) else None
+        names = cls.COLUMNS.get(kind if isinstance(kind, str) else None)
+        if not (isinstance(data, Mapping) and names and isinstance(file := data.get("file"), str)):
             return data
         beside = [name for name in names if name in data]
         require(not beside, "file", f"nothing beside {one_of(beside)}", file)
