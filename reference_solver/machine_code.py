@@ -45,6 +45,9 @@ _TOGETHER, _UNTOLD = defaultdict[str, list[Callable[[], Any]]](list), list[Calla
 #: What Numba's text calls to tell Python of an exception, and what ends the process in its place.
 TELLS = re.compile(r"^declare (.*@(?:numba_|NRT_|Py)\w+\(.*\))(?: \w+)*(?: #\d+)?$", re.MULTILINE)
 TRAP = "declare void @llvm.trap()\n"
+#: Texts from so many characters on, as of chains of 35 bodies, are compiled without optimisation: those of 41
+#: in 4 s in place of 24, for steps that take twice as long.
+LONG = 8_000_000
 #: What texts begin with: the functions that they may call. Where sine and cosine of one angle are known to
 #: touch no memory, LLVM calls one function for both.
 HEAD = "".join(f"declare double @{name}(double) memory(none)\n" for name in OF_ONE.values())
@@ -229,7 +232,8 @@ def compile_text(
     prepare()
     names = list(names)
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    machine = llvm.Target.from_default_triple().create_target_machine(cpu, features, opt=3, jit=True)
+    opt = 3 if len(text) < LONG else 0
+    machine = llvm.Target.from_default_triple().create_target_machine(cpu, features, opt=opt, jit=True)
     what = repr((text, llvm.llvm_version_info, machine.triple, cpu))
     name = f"kernel-{hashlib.sha256(what.encode()).hexdigest()[:32]}.o"
     code = read_kept(name)
