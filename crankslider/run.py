@@ -202,7 +202,7 @@ class Run:
             if (overall := self._largest_force(0.0)) != largest:
                 lines[-1] += f", after the transient to {self.start_s:g} s, in which it is {overall}"
             elif not (self.start_s or self.by):
-                lines[-1] += ", with the drop at the start, which --from TIME leaves out"
+                lines[-1] += ", the start counted, which --from TIME leaves out"
         return lines
 
     def __repr__(self) -> str:

@@ -68,7 +68,7 @@ def test_after_a_transient_the_largest_force_is_that_of_the_running_machine(run:
     impacts = run.impacts[run.impacts["largest_normal_force_time_s"] >= 0.002]
     assert largest.force_N == impacts["largest_normal_force_N"].max() < first.force_N
     (line,) = (line for line in run.notes() if "the largest contact force" in line)
-    assert line.endswith(f"{first}, with the drop at the start, which --from TIME leaves out")
+    assert line.endswith(f"{first}, the start counted, which --from TIME leaves out")
     (line,) = (line for line in late.notes() if "the largest contact force" in line)
     assert f"at t = {largest.time_s:.6g} s, after the transient to 0.002 s, in which it is" in line
     assert line.endswith(f"at t = {first.time_s:.6g} s")
